@@ -1,0 +1,92 @@
+// Import: a scene file becomes a stream of world-space triangles and a report of what was met and what was dropped.
+//
+// Nothing of the file is trusted: every index, offset, count and stride is checked against what it points into before
+// it is used, and a file that breaks a rule is refused with one sentence that names the file and the object in it.
+// Thread-compatible: one import per call, no shared state.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "storage/base/ledger.h"
+#include "storage/base/status.h"
+#include "storage/base/vec3.h"
+
+namespace raymill::storage {
+
+/// Stable codes of the import report; never renumbered. 1xx: dropped triangles; 2xx: met and left out or taken at
+/// rest; 3xx: met and handled.
+enum class ImportCode : std::uint16_t {
+  dropped_degenerate = 100,      ///< two corners at the same position, or zero area in exact arithmetic
+  dropped_not_finite = 101,      ///< a corner is NaN or infinite
+  dropped_out_of_range = 102,    ///< a coordinate beyond kPositionLimit
+  left_out_points = 200,         ///< primitives of mode POINTS
+  left_out_lines = 201,          ///< primitives of mode LINES, LINE_LOOP, LINE_STRIP
+  left_out_no_positions = 202,   ///< primitives without POSITION
+  skin_at_rest = 203,            ///< nodes with a skin: the rest pose is taken
+  morph_at_rest = 204,           ///< primitives with morph targets: weights are not applied
+  extension_ignored = 205,       ///< optional extensions that change nothing Raymill models
+  leftover_vertices = 206,       ///< vertices or indices past the last whole triangle
+  draco_primitives = 300,
+  sparse_accessors = 301,
+  quantized_positions = 302,
+};
+std::string_view to_string(ImportCode code);
+
+/// Largest magnitude of a coordinate that is kept: boxes and their differences stay finite in float32 below it.
+constexpr float kPositionLimit = 0x1p+120F;
+
+/// One geometry_id: a (node, primitive) pair in file order, whether or not any triangle of it was kept.
+struct GeometryInfo {
+  std::string file;
+  std::string node;  ///< the node's name, or "node<index>" where it has none; mesh alike
+  std::string mesh;
+  std::uint32_t primitive = 0;   ///< index in the mesh
+  std::uint64_t triangles = 0;   ///< in the input, before anything was dropped
+  std::uint64_t kept = 0;        ///< handed on
+};
+
+/// A camera of the scene in world space, for render.
+struct CameraInfo {
+  std::string name;
+  bool perspective = true;
+  double yfov_radians = 0;   ///< perspective
+  double aspect_ratio = 0;   ///< 0 where the file leaves it open
+  double ymag = 0;           ///< orthographic half height
+  double world_from_camera[16] = {};  ///< column-major; the camera looks along -z
+};
+
+struct ImportReport {
+  std::map<ImportCode, std::uint64_t> counts;
+  std::vector<GeometryInfo> geometries;
+  std::vector<CameraInfo> cameras;
+  std::vector<std::string> ignored_extensions;  ///< sorted, each once
+  std::uint64_t triangles = 0;                  ///< in the input
+  std::uint64_t kept = 0;
+};
+
+struct ImportOptions {
+  std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
+};
+
+/// Takes triangles as they come. Called from one thread; an error ends the import with that error.
+class TriangleSink {
+ public:
+  virtual ~TriangleSink() = default;
+  virtual Status add(std::span<const Triangle> triangles) = 0;
+};
+
+/// Reads a .gltf or .glb file and hands its triangles to `sink`, one (node, primitive) pair after the other in file
+/// order; `report` is added to, so several files number their geometries on. World positions are computed in float64
+/// from the nodes' matrices and rounded once to float32. Memory for the file's buffers and for one decoded mesh is
+/// claimed from `ledger` (Tag::build).
+/// Errors: not_found, io, bad_scene, unsupported (a required extension, by name), budget_exceeded, and the sink's.
+Status import_gltf(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
+                   ImportReport& report);
+
+}  // namespace raymill::storage

@@ -1,0 +1,40 @@
+// Engine: Raymill inside the caller's process. Public.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "traversal/service.h"
+#include "storage/base/ledger.h"
+
+namespace raymill {
+
+struct EngineConfig {
+  /// Limit of the whole process, not of this engine alone: what the process holds already is measured and counted.
+  std::uint64_t memory = gibibytes(2);
+  unsigned threads = 0;     ///< workers; 0: one for each core
+  std::string isa;          ///< "scalar", "avx2"; empty: the best this machine has
+  unsigned max_jobs = 1;    ///< jobs at once; each gets its share of the ray memory
+  unsigned max_stores = 1;  ///< stores open at once; each gets its share of the page memory
+  std::string spill_directory;  ///< for results that wait; empty: TMPDIR, else /tmp
+};
+
+/// Thread-safe. Stores and jobs keep what they need of the engine alive.
+class Engine final : public Service {
+ public:
+  /// Errors: invalid_argument (unknown ISA), budget_exceeded (the process itself is larger than the budget).
+  static Result<std::unique_ptr<Engine>> create(const EngineConfig& config);
+  ~Engine() override;
+  Result<std::shared_ptr<Store>> open(const std::string& path) override;
+
+ private:
+  class Impl;
+  explicit Engine(std::shared_ptr<Impl> impl);
+  std::shared_ptr<Impl> impl_;
+};
+
+/// The instruction sets that this build has kernels for and this machine can run, best first.
+std::vector<std::string> available_isas();
+
+}  // namespace raymill

@@ -1,0 +1,92 @@
+// What is asked of a store and how the answer looks: rays, hits, queries, modes, fields. Public.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+#include "storage/base/status.h"
+
+namespace raymill {
+
+/// closest: the nearest hit. any: whether there is a hit at all.
+enum class Query : std::uint8_t { closest, any };
+
+/// watertight: no ray passes between triangles that share an edge or a vertex (the decision is made in float64).
+/// fast: Moeller-Trumbore in float32; error measured, not bounded.
+enum class Mode : std::uint8_t { watertight, fast };
+
+/// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was.
+enum class Field : std::uint32_t {
+  none = 0,
+  t = 1,             ///< float32, in lengths of dir
+  uv = 2,            ///< two float32: hit = (1-u-v) v0 + u v1 + v v2
+  primitive_id = 4,  ///< uint32
+  geometry_id = 8,   ///< uint32
+  instance_id = 16,  ///< uint32; 0xFFFFFFFF: flattened geometry has no instance
+  normal = 32,       ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
+  ids = primitive_id | geometry_id,
+  all = 63,
+};
+constexpr Field operator|(Field a, Field b) { return Field(std::uint32_t(a) | std::uint32_t(b)); }
+constexpr bool has(Field set, Field field) { return (std::uint32_t(set) & std::uint32_t(field)) != 0; }
+
+constexpr Field kDefaultClosestFields = Field::t | Field::uv | Field::ids;
+
+constexpr std::uint32_t kNoId = 0xFFFFFFFFu;
+
+/// A ray in world space. dir need not have length one; t counts in lengths of dir; a hit has tnear <= t <= tfar.
+/// A ray is invalid when org or dir holds a NaN or an infinity, dir is zero, an end of the interval is NaN, or
+/// tnear > tfar; its answer is t = NaN.
+struct Ray {
+  std::array<float, 3> org{};
+  float tnear = 0;
+  std::array<float, 3> dir{};
+  float tfar = std::numeric_limits<float>::infinity();
+};
+static_assert(sizeof(Ray) == 32 && std::is_trivially_copyable_v<Ray>);
+
+/// A hit with every field; those that were not asked for hold their defaults. A miss: t = +inf, ids kNoId.
+struct Hit {
+  float t = std::numeric_limits<float>::infinity();
+  float u = 0;
+  float v = 0;
+  std::uint32_t primitive_id = kNoId;
+  std::uint32_t geometry_id = kNoId;
+  std::uint32_t instance_id = kNoId;
+  std::array<float, 3> normal{};
+};
+
+/// Rows of hits: the asked fields, packed in the order t, u, v, primitive_id, geometry_id, instance_id, normal.
+/// It is the row of the structured .npy and of the wire alike (little-endian). Immutable.
+class HitLayout {
+ public:
+  HitLayout() = default;
+  explicit HitLayout(Field fields);
+
+  [[nodiscard]] Field fields() const { return fields_; }
+  [[nodiscard]] std::size_t row_bytes() const { return row_bytes_; }
+  void write(const Hit& hit, std::byte* row) const;
+  [[nodiscard]] Hit read(const std::byte* row) const;
+  /// The dtype of a NumPy structured array of such rows, e.g. "[('t', '<f4'), ('primitive_id', '<u4')]".
+  [[nodiscard]] std::string numpy_descr() const;
+
+ private:
+  Field fields_ = Field::none;
+  std::size_t row_bytes_ = 0;
+};
+
+std::string_view to_string(Query query);
+std::string_view to_string(Mode mode);
+/// Fields as a comma-separated list of names, as `--fields` takes them.
+std::string to_string(Field fields);
+Result<Query> parse_query(std::string_view text);
+Result<Mode> parse_mode(std::string_view text);
+Result<Field> parse_fields(std::string_view text);
+
+}  // namespace raymill

@@ -1,0 +1,144 @@
+// Service, Store, Job: the calls that the embedded Engine and the remote Client offer alike. Public.
+//
+//   auto store = engine.open("city.mill");                                    // Result<std::shared_ptr<Store>>
+//   auto job = (*store)->trace({.query = Query::closest});                    // Result<std::unique_ptr<Job>>
+//   (*job)->push(rays);  (*job)->finish();
+//   while (auto chunk = (*job)->next()) use(chunk->first_ray, *chunk);        // in the rays' order
+//   if (auto s = (*job)->status(); !s.ok()) ...
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "storage/base/status.h"
+#include "traversal/query.h"
+
+namespace raymill {
+
+/// A job's request.
+struct TraceConfig {
+  Query query = Query::closest;
+  Mode mode = Mode::watertight;
+  Field fields = kDefaultClosestFields;  ///< for Query::any only Field::t is accepted or used
+};
+
+/// Rows of hits for consecutive rays. Move-only: it holds memory claimed from the budget until it is destroyed.
+class HitChunk {
+ public:
+  /// Gives back whatever holds the rows' memory.
+  class Owner {
+   public:
+    virtual ~Owner() = default;
+  };
+
+  HitChunk(std::uint64_t index, std::uint64_t first_ray, HitLayout layout, std::span<const std::byte> rows,
+           std::unique_ptr<Owner> owner)
+      : index_(index), first_ray_(first_ray), layout_(layout), rows_(rows), owner_(std::move(owner)) {}
+  HitChunk(HitChunk&&) = default;
+  HitChunk& operator=(HitChunk&&) = default;
+
+  [[nodiscard]] std::uint64_t index() const { return index_; }          ///< 0, 1, 2, ...
+  [[nodiscard]] std::uint64_t first_ray() const { return first_ray_; }  ///< position of row 0 in the job's rays
+  [[nodiscard]] std::size_t size() const { return rows_.size() / layout_.row_bytes(); }
+  [[nodiscard]] const HitLayout& layout() const { return layout_; }
+  /// The packed rows, size() * layout().row_bytes() bytes, as they stand in a hits file.
+  [[nodiscard]] std::span<const std::byte> rows() const { return rows_; }
+  [[nodiscard]] Hit hit(std::size_t i) const { return layout_.read(rows_.data() + i * layout_.row_bytes()); }
+
+ private:
+  std::uint64_t index_;
+  std::uint64_t first_ray_;
+  HitLayout layout_;
+  std::span<const std::byte> rows_;
+  std::unique_ptr<Owner> owner_;
+};
+
+struct JobProgress {
+  std::uint64_t rays_pushed = 0;
+  std::uint64_t rays_done = 0;
+};
+
+struct JobStats {
+  std::uint64_t rays = 0;
+  std::uint64_t hits = 0;
+  std::uint64_t invalid = 0;
+  // Of the store since it was opened (all jobs together):
+  std::uint64_t pages_read = 0;
+  std::uint64_t bytes_read = 0;
+  std::uint64_t distinct_pages = 0;
+  // Of this job:
+  std::uint64_t nodes_visited = 0;
+  std::uint64_t triangles_tested = 0;
+  std::uint64_t rays_parked = 0;         ///< times a ray waited for a page
+  std::uint64_t result_spill_bytes = 0;  ///< results that waited on disk for next()
+  double trace_seconds = 0;              ///< from the first push to the last hit
+  std::uint64_t peak_rss_bytes = 0;      ///< of the process that traces
+  std::string isa;                       ///< "avx2", "scalar"
+  std::string kernel;                    ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
+  std::string io;                        ///< e.g. "pread-pool/direct"
+};
+
+/// One batch of rays in flight. push() and finish() may run in one thread while next() runs in another.
+class Job {
+ public:
+  virtual ~Job() = default;  ///< a job that is not finished is cancelled
+  /// Appends rays. Waits for credit and never grows past the budget: results that are not fetched go to a
+  /// temporary file, so pushing everything before the first next() is fine.
+  /// Errors: cancelled, and whatever ended the job.
+  virtual Status push(std::span<const Ray> rays) = 0;
+  /// Says that no more rays come.
+  virtual Status finish() = 0;
+  /// The next chunk in the rays' order; waits for it. Empty when all is fetched or the job has failed: see status().
+  virtual std::optional<HitChunk> next() = 0;
+  [[nodiscard]] virtual Status status() const = 0;
+  [[nodiscard]] virtual JobProgress progress() const = 0;
+  [[nodiscard]] virtual JobStats stats() const = 0;
+  /// Stops the job; its rays are dropped. next() then returns empty and status() says cancelled.
+  virtual void cancel() = 0;
+};
+
+/// What a store holds, from its footer.
+struct StoreInfo {
+  std::string name;
+  std::uint32_t format_version = 0;
+  std::vector<std::string> features;
+  std::array<float, 3> bounds_min{};
+  std::array<float, 3> bounds_max{};
+  std::uint64_t triangles = 0;
+  std::uint64_t nodes = 0;
+  std::uint64_t pages = 0;
+  std::uint64_t geometries = 0;
+  std::uint32_t levels = 0;           ///< depth of the tree
+  std::uint32_t page_bytes = 0;       ///< decoded size limit of a page
+  std::uint64_t store_bytes = 0;
+  std::uint64_t decoded_bytes = 0;    ///< all pages decoded
+  std::uint64_t least_memory_bytes = 0;  ///< least --memory of a process that traces it with this service's threads
+  std::string codec;
+  std::uint32_t width = 0;
+  std::string positions;              ///< "float32" or "lattice:STEP"
+  std::string metadata_json;          ///< {"geometries":[...],"cameras":[...],"import":{...}}
+};
+
+class Store {
+ public:
+  virtual ~Store() = default;
+  /// Reads the metadata too; costs time and memory in proportion to the number of geometries.
+  [[nodiscard]] virtual Result<StoreInfo> info() const = 0;
+  /// Starts a job. Errors: invalid_argument, budget_exceeded, busy_retry (too many jobs at once).
+  virtual Result<std::unique_ptr<Job>> trace(const TraceConfig& config) = 0;
+};
+
+class Service {
+ public:
+  virtual ~Service() = default;
+  /// Opens a store: a path (Engine) or a name below the server's --stores directory (Client).
+  /// Errors: not_found, corrupt, checksum_mismatch, version_mismatch, unsupported, budget_exceeded, unavailable.
+  virtual Result<std::shared_ptr<Store>> open(const std::string& name) = 0;
+};
+
+}  // namespace raymill
