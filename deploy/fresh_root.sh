@@ -39,6 +39,7 @@ fi
 work=$(mktemp -d "${TMPDIR:-/tmp}/raymill-fresh.XXXXXX")
 logs=$repository/build/fresh_root
 mkdir -p "$logs"
+# shellcheck disable=SC2317  # called by the trap
 remove_roots() {
   if [[ $keep == yes ]]; then
     echo "the roots stand in $work"
@@ -48,6 +49,7 @@ remove_roots() {
 }
 trap remove_roots EXIT
 
+# shellcheck disable=SC2016  # apt's own placeholders
 mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Identifier: Packages' 'Release: bookworm' 'Component: main' |
   head -n 1)
 echo "making a clean root"
