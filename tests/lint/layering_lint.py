@@ -1,0 +1,121 @@
+"""Data goes one way: fails on an #include that goes back up the layers.
+
+A file may include what stands in its own layer or before it. Intrinsics stand in one folder; OpenImageIO and OpenVDB
+are included by the image program alone.
+
+    layering_lint.py REPOSITORY | --self-test
+"""
+
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+# In the data's way, first to last. A path belongs to the longest layer that it begins with.
+LAYERS = [
+    "storage/base",
+    "storage/import",
+    "storage/build",
+    "storage/pages",
+    "storage/io",
+    "storage/cache",
+    "storage",  # files that stand in storage/ itself
+    "traversal",
+    "server",
+    "client/cpp",
+    "client/cli",
+    "client",
+]
+INTRINSICS = re.compile(r"(imm|xmm|emm|pmm|tmm|smm|nmm|wmm|amm|x86|avx\w*)intrin\.h|arm_(neon|sve|acle)\.h")
+INTRINSICS_FOLDER = "traversal/simd/"
+IMAGE_LIBRARIES = re.compile(r"(OpenImageIO|openvdb|nanovdb)/")
+IMAGE_FILES = re.compile(r"client/cli/(image/|image_)")
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*(["<])([^">]+)[">]', re.MULTILINE)
+
+
+def layer(path):
+    """The place of `path` in LAYERS, or None for what is no layer of ours."""
+    matches = [name for name in LAYERS if path.startswith(name + "/")]
+    return LAYERS.index(max(matches, key=len)) if matches else None
+
+
+def violations(root, files):
+    for file in files:
+        text = (root / file).read_text(encoding="utf-8", errors="replace")
+        for match in INCLUDE.finditer(text):
+            bracket, target = match.groups()
+            where = f"{file}:{text.count(chr(10), 0, match.start(2)) + 1}"
+            if INTRINSICS.fullmatch(target) and not file.startswith(INTRINSICS_FOLDER):
+                yield f"{where}: intrinsics ({target}) stand in {INTRINSICS_FOLDER} only"
+            if IMAGE_LIBRARIES.match(target) and not IMAGE_FILES.match(file):
+                yield f"{where}: {target} belongs in the image program (client/cli/image*) only"
+            if bracket != '"' or layer(file) is None:
+                continue
+            if "/" not in target or target.startswith("."):
+                if "/" in target or (root / file).parent.joinpath(target).exists():
+                    yield f'{where}: "{target}": includes are written from the repository\'s root'
+                continue
+            to = layer(target)
+            if to is not None and to > layer(file):
+                yield f"{where}: {LAYERS[layer(file)]} must not include {LAYERS[to]} ({target}): data goes one way"
+
+
+def repository_files(root):
+    listed = subprocess.run(
+        ["git", "-c", f"safe.directory={root}", "-C", str(root), "ls-files", "--cached", "--others", "--exclude-standard",
+         "*.h", "*.cc", "*.inl", "*.cuh", "*.cu"],
+        check=True, capture_output=True, text=True).stdout.split("\n")
+    return sorted({name for name in listed if name and (root / name).is_file()})
+
+
+def self_test():
+    bad = {
+        "storage/base/up.h": '#include "storage/import/scene.h"\n',
+        "storage/build/up.cc": '#pragma once\n\n  #  include "storage/pages/page.h"\n',
+        "storage/cache/up.cc": '#include "traversal/ray.h"\n',
+        "traversal/up.cc": '#include "server/job.h"\n',
+        "server/up.cc": '#include "client/cpp/client.h"\n',
+        "client/cpp/up.cc": '#include "client/cli/main.h"\n',
+        "traversal/kernel.cc": "#include <immintrin.h>\n",
+        "storage/pages/planes.cc": "#include <arm_neon.h>\n",
+        "traversal/mask.cc": "#include <OpenImageIO/imageio.h>\n",
+        "storage/import/vdb.cc": "#include <openvdb/openvdb.h>\n",
+        "server/relative.cc": '#include "../storage/base/status.h"\n',
+    }
+    good = {
+        "storage/base/status.h": "#include <string>\n",
+        "storage/cache/cache.cc": '#include "storage/base/status.h"\n#include "storage/io/reader.h"\n',
+        "traversal/simd/avx2.cc": '#include <immintrin.h>\n#include "storage/pages/page.h"\n',
+        "traversal/engine.h": '#include "traversal/service.h"\n// #include "server/job.h"\n',
+        "client/cli/image/main.cc": "#include <OpenImageIO/imageio.h>\n",
+        "client/cli/main.cc": '#include "client/cpp/raymill.h"\n#include "server/server.h"\n',
+        "tests/unit/any.cc": '#include "client/cli/main.h"\n#include "storage/base/status.h"\n',
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        for name, text in {**bad, **good}.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text)
+        missed = [name for name in bad if not list(violations(root, [name]))]
+        wrong = [line for name in good for line in violations(root, [name])]
+    for name in missed:
+        print(f"not noticed: {name}: {bad[name]!r}")
+    for line in wrong:
+        print(f"wrongly reported: {line}")
+    return not missed and not wrong
+
+
+def main():
+    if sys.argv[1:] == ["--self-test"]:
+        return 0 if self_test() else 1
+    root = pathlib.Path(sys.argv[1]).resolve()
+    files = repository_files(root)
+    found = list(violations(root, files))
+    print("\n".join(found) or f"{len(files)} files, none includes what stands after it")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,90 @@
+"""What stands in the repository: allowed entries at the top, no overlong file, no path of somebody's machine.
+
+    tree_lint.py REPOSITORY | --self-test
+"""
+
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+TOP = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md",
+       "client", "deploy", "server", "storage", "tests", "traversal"}
+MAX_LINES = 500
+CODE = re.compile(r"(\.(h|cc|inl|cu|cuh|py|sh|cmake|proto|md|yml)|CMakeLists\.txt|\.ci/run)$")
+# Written in pieces, so that this file does not report itself.
+MACHINE_PATH = re.compile(r"(?<![\w.~])/(home|root|Users|wo" r"rk)/\w")
+UNFINISHED = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X)\b")
+# Named by the layer that a folder would stand in, an old copy has no place.
+OLD_COPY = re.compile(r"(^|/)(old|backup|copy|tmp)\d*(/|$)|\.(orig|bak|rej)$|~$")
+
+
+def violations(root, files):
+    for name in sorted({file.split("/")[0] for file in files}):
+        if name not in TOP and not name.startswith("."):
+            yield f"{name}: does not belong at the top; allowed: {' '.join(sorted(TOP))} and dot files"
+    for file in files:
+        if OLD_COPY.search(file):
+            yield f"{file}: an old copy"
+        if not CODE.search(file):
+            continue
+        lines = (root / file).read_text(encoding="utf-8", errors="replace").splitlines()
+        if len(lines) > MAX_LINES:
+            yield f"{file}: {len(lines)} lines; split what is longer than {MAX_LINES}"
+        for number, line in enumerate(lines, 1):
+            if MACHINE_PATH.search(line):
+                yield f"{file}:{number}: a path of one machine: {line.strip()}"
+            if UNFINISHED.search(line):
+                yield f"{file}:{number}: unfinished: {line.strip()}"
+
+
+def repository_files(root):
+    listed = subprocess.run(
+        ["git", "-c", f"safe.directory={root}", "-C", str(root), "ls-files", "--cached", "--others", "--exclude-standard"],
+        check=True, capture_output=True, text=True).stdout.split("\n")
+    return sorted({name for name in listed if name and (root / name).is_file()})
+
+
+def self_test():
+    bad = {
+        "scratch/notes.txt": "a folder that is not allowed\n",
+        "client/long.cc": "int x;\n" * (MAX_LINES + 1),
+        "client/path.cc": f'open("/{"home"}/somebody/scene.gltf");\n',
+        "deploy/path.sh": f"cd /{'wo'}rk/main\n",
+        "server/later.cc": f"// {'TO'}DO: later\n",
+        "traversal/old2/kernel.cc": "\n",
+    }
+    good = {
+        "README.md": "see storage/FORMAT.md and build/release\n",
+        ".clang-format": "\n",
+        "client/short.cc": "int x;\n" * MAX_LINES,
+        "deploy/install.sh": "/usr/bin/env ~/work/x ../work/y https://example.org/home/page\n",
+        "storage/import/golden.json": "1\n" * 5000,
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        for name, text in {**bad, **good}.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text)
+        missed = [name for name in bad if not list(violations(root, [name]))]
+        wrong = [line for name in good for line in violations(root, [name])]
+    for name in missed:
+        print(f"not noticed: {name}")
+    for line in wrong:
+        print(f"wrongly reported: {line}")
+    return not missed and not wrong
+
+
+def main():
+    if sys.argv[1:] == ["--self-test"]:
+        return 0 if self_test() else 1
+    root = pathlib.Path(sys.argv[1]).resolve()
+    files = repository_files(root)
+    found = list(violations(root, files))
+    print("\n".join(found) or f"{len(files)} files in order")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
