@@ -1,0 +1,9 @@
+#include "storage/base/checksum.h"
+
+#include <xxhash.h>
+
+namespace raymill::storage {
+
+std::uint64_t checksum(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
+
+}  // namespace raymill::storage

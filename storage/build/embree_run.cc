@@ -1,0 +1,171 @@
+#include "storage/build/embree_run.h"
+
+#include <embree3/rtcore.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cstring>
+#include <new>
+#include <string>
+#include <utility>
+
+namespace raymill::storage {
+namespace {
+
+// What Embree's callbacks allocate: a node with two children, or a leaf that names its triangles.
+struct RawNode {
+  bool leaf = false;
+};
+struct RawInner : RawNode {
+  RawNode* children[2] = {nullptr, nullptr};
+  RTCBounds boxes[2] = {};
+};
+struct RawLeaf : RawNode {
+  std::uint32_t count = 0;
+  std::uint32_t triangles[kMaxLeafTriangles] = {};
+};
+
+void* create_node(RTCThreadLocalAllocator allocator, unsigned /*child_count*/, void* /*user*/) {
+  return new (rtcThreadLocalAlloc(allocator, sizeof(RawInner), 16)) RawInner;
+}
+
+void set_children(void* node, void** children, unsigned child_count, void* /*user*/) {
+  for (unsigned i = 0; i < child_count; ++i) {
+    static_cast<RawInner*>(node)->children[i] = static_cast<RawNode*>(children[i]);
+  }
+}
+
+void set_bounds(void* node, const RTCBounds** bounds, unsigned child_count, void* /*user*/) {
+  for (unsigned i = 0; i < child_count; ++i) {
+    static_cast<RawInner*>(node)->boxes[i] = *bounds[i];
+  }
+}
+
+void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* primitives, std::size_t count,
+                  void* /*user*/) {
+  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(RawLeaf), 16)) RawLeaf;
+  leaf->leaf = true;
+  leaf->count = static_cast<std::uint32_t>(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    leaf->triangles[i] = primitives[i].primID;
+  }
+  std::sort(leaf->triangles, leaf->triangles + count);
+  return leaf;
+}
+
+// Copies Embree's tree into ours, depth first, left before right.
+class Flattener {
+ public:
+  Flattener(std::span<const Triangle> triangles, std::uint32_t first_triangle, std::vector<BinaryNode>& nodes,
+            std::vector<std::uint32_t>& order)
+      : triangles_(triangles), first_triangle_(first_triangle), nodes_(nodes), order_(order) {}
+
+  std::uint32_t flatten(const RawNode* raw) {
+    const auto index = static_cast<std::uint32_t>(nodes_.size());
+    nodes_.emplace_back();
+    if (raw->leaf) {
+      const auto* leaf = static_cast<const RawLeaf*>(raw);
+      BinaryNode& node = nodes_[index];
+      node.left = first_triangle_ + static_cast<std::uint32_t>(order_.size());
+      node.count = leaf->count;
+      for (std::uint32_t i = 0; i < leaf->count; ++i) {
+        order_.push_back(leaf->triangles[i]);
+        node.box.grow(bounds(triangles_[leaf->triangles[i]]));
+      }
+      return index;
+    }
+    const auto* inner = static_cast<const RawInner*>(raw);
+    const std::uint32_t left = flatten(inner->children[0]);
+    const std::uint32_t right = flatten(inner->children[1]);
+    BinaryNode& node = nodes_[index];
+    node.left = left;
+    node.right = right;
+    node.box.grow(nodes_[left].box);
+    node.box.grow(nodes_[right].box);
+    return index;
+  }
+
+ private:
+  std::span<const Triangle> triangles_;
+  std::uint32_t first_triangle_;
+  std::vector<BinaryNode>& nodes_;
+  std::vector<std::uint32_t>& order_;
+};
+
+std::vector<RTCBuildPrimitive> build_primitives(std::span<const Triangle> triangles) {
+  // Embree's MEDIUM builder may use the array's spare capacity; it splits nothing without a callback.
+  std::vector<RTCBuildPrimitive> primitives(triangles.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    const Aabb box = bounds(triangles[i]);
+    primitives[i] = {box.lower.x, box.lower.y, box.lower.z, 0, box.upper.x, box.upper.y, box.upper.z,
+                     static_cast<unsigned>(i)};
+  }
+  return primitives;
+}
+
+RTCBuildArguments build_arguments(RTCBVH bvh, std::vector<RTCBuildPrimitive>& primitives) {
+  RTCBuildArguments arguments = rtcDefaultBuildArguments();
+  arguments.byteSize = sizeof arguments;
+  arguments.buildQuality = RTC_BUILD_QUALITY_MEDIUM;
+  arguments.maxBranchingFactor = 2;
+  // Binary depth; the collapse bounds the wide tree's depth whatever comes out here. Recursion below is as deep.
+  arguments.maxDepth = 256;
+  arguments.sahBlockSize = 4;
+  arguments.minLeafSize = 1;
+  arguments.maxLeafSize = kMaxLeafTriangles;
+  arguments.traversalCost = 1;
+  arguments.intersectionCost = 1;
+  arguments.bvh = bvh;
+  arguments.primitives = primitives.data();
+  arguments.primitiveCount = primitives.size();
+  arguments.primitiveArrayCapacity = primitives.size();
+  arguments.createNode = create_node;
+  arguments.setNodeChildren = set_children;
+  arguments.setNodeBounds = set_bounds;
+  arguments.createLeaf = create_leaf;
+  return arguments;
+}
+
+}  // namespace
+
+Result<EmbreeDevice> EmbreeDevice::create() {
+  RTCDevice device = rtcNewDevice("threads=1");
+  if (device == nullptr) {
+    return {ErrorCode::internal, "Embree gave no device (error " + std::to_string(rtcGetDeviceError(nullptr)) + ")"};
+  }
+  return EmbreeDevice(device);
+}
+
+EmbreeDevice::EmbreeDevice(EmbreeDevice&& other) noexcept : device_(std::exchange(other.device_, nullptr)) {}
+
+EmbreeDevice::~EmbreeDevice() {
+  if (device_ != nullptr) {
+    rtcReleaseDevice(device_);
+  }
+}
+
+Status build_run(const EmbreeDevice& device, std::span<Triangle> triangles, std::uint32_t first_triangle,
+                 std::vector<BinaryNode>& nodes) {
+  std::vector<RTCBuildPrimitive> primitives = build_primitives(triangles);
+  RTCBVH bvh = rtcNewBVH(device.get());
+  const RTCBuildArguments arguments = build_arguments(bvh, primitives);
+  void* root = nullptr;
+  // One thread for a run: Embree's parallel partition may order triangles by the number of threads.
+  tbb::task_arena(1).execute([&] { root = rtcBuildBVH(&arguments); });
+  if (root == nullptr) {
+    const RTCError error = rtcGetDeviceError(device.get());
+    rtcReleaseBVH(bvh);
+    return {ErrorCode::internal, "Embree could not build " + std::to_string(triangles.size()) +
+                                     " triangles (error " + std::to_string(error) + ")"};
+  }
+  std::vector<std::uint32_t> order;
+  order.reserve(triangles.size());
+  Flattener(triangles, first_triangle, nodes, order).flatten(static_cast<const RawNode*>(root));
+  rtcReleaseBVH(bvh);
+  std::vector<Triangle> sorted(triangles.size());
+  std::transform(order.begin(), order.end(), sorted.begin(), [&](std::uint32_t i) { return triangles[i]; });
+  std::copy(sorted.begin(), sorted.end(), triangles.begin());
+  return {};
+}
+
+}  // namespace raymill::storage

@@ -1,0 +1,42 @@
+// PagePlan: which nodes of the MBVH share a page.
+//
+//             root                 top part: nodes whose subtree is larger than a treelet,
+//           /  |   \               cut greedily by surface area into pages of their own
+//         [top part]
+//        /    |     \              treelets: maximal subtrees up to kTreeletsPerPage-th of a page, packed depth first,
+//     (T T T)(T T T)(T T)          so neighbours share a page and pages are full; a node of the top part whose
+//      page 1 page 2 page 3        children all came into one page moves there too
+//
+// A page also carries copies (ghosts) of its treelets' ancestors: the escape table. Their size is counted here.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "storage/base/status.h"
+#include "storage/build/wide_tree.h"
+
+namespace raymill::storage {
+
+/// Decoded bytes of each thing that a page holds; given by the page format.
+struct PageCost {
+  std::uint32_t page_bytes = 0;      ///< limit
+  std::uint32_t header_bytes = 0;    ///< fixed part, alignment of all arrays included
+  std::uint32_t node_bytes = 0;      ///< a node or a ghost
+  std::uint32_t external_bytes = 0;  ///< a reference to a node of another page
+  std::uint32_t triangle_bytes = 0;  ///< without its vertices
+  std::uint32_t vertex_bytes = 0;    ///< a distinct position
+  std::uint32_t geometry_bytes = 0;  ///< a distinct geometry id
+};
+
+constexpr std::uint32_t kTreeletsPerPage = 8;
+
+struct PagePlan {
+  std::vector<std::vector<std::uint32_t>> pages;  ///< node indices; nodes of one page in depth-first order
+  std::vector<std::uint32_t> page_of;             ///< for each node
+};
+
+/// Errors: invalid_argument when the page limit cannot hold a single node with its leaves and escape table.
+Result<PagePlan> plan_pages(const WideTree& tree, const PageCost& cost);
+
+}  // namespace raymill::storage

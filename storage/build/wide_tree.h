@@ -1,0 +1,41 @@
+// WideTree: the scene's MBVH before it is cut into pages.
+//
+// Invariants: triangles stand in leaf order; each node but the root is the child of exactly one node with a smaller
+// level; levels() x width fits the bitstack; a child's box is the exact union of its triangles' boxes.
+// Immutable once built.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "storage/base/types.h"
+#include "storage/base/vec3.h"
+
+namespace raymill::storage {
+
+struct WideNode {
+  std::array<Aabb, kMaxWidth> boxes;
+  std::array<std::uint32_t, kMaxWidth> child{};  ///< node index, or first triangle where count > 0
+  std::array<std::uint8_t, kMaxWidth> count{};   ///< 0: inner child; 1 to kMaxLeafTriangles: leaf
+  std::uint32_t parent = 0;                      ///< node index; the root is its own parent
+  std::uint8_t valid = 0;                        ///< bit for each slot that holds a child
+  std::uint8_t level = 0;                        ///< 0 at the root
+  std::uint8_t order = 0;                        ///< two axes of two bits: what slot bits mean for width 4
+
+  [[nodiscard]] bool has(unsigned slot) const { return (valid >> slot & 1) != 0; }
+  [[nodiscard]] bool is_leaf(unsigned slot) const { return count[slot] > 0; }
+};
+
+struct WideTree {
+  unsigned width = 8;
+  std::vector<WideNode> nodes;      ///< nodes[0] is the root; depth first
+  std::vector<Triangle> triangles;  ///< in leaf order
+  Aabb bounds;
+  unsigned levels = 0;
+
+  /// Surface-area cost relative to the root: 1 for a node visit, 1 for a triangle test.
+  [[nodiscard]] double sah_cost() const;
+};
+
+}  // namespace raymill::storage

@@ -1,0 +1,273 @@
+#include "storage/pages/page_assembler.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+#include <map>
+#include <string>
+#include <unordered_map>
+
+#include "storage/base/position_map.h"
+#include "storage/pages/box_quantizer.h"
+#include "storage/pages/page_image.h"
+
+namespace raymill::storage {
+namespace {
+
+template <int N>
+class Assembly {
+ public:
+  Assembly(const WideTree& tree, const PagePlan& plan, const std::vector<std::uint16_t>& local_index,
+           std::uint32_t page)
+      : tree_(tree), plan_(plan), local_index_(local_index), page_(page), locals_(plan.pages[page]) {}
+
+  Result<PageBuffer> run() {
+    find_ghosts();
+    nodes_.resize(locals_.size() + ghosts_.size());
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      RAYMILL_RETURN_IF_ERROR(fill(i));
+    }
+    return write();
+  }
+
+ private:
+  [[nodiscard]] bool is_local(std::uint32_t node) const { return plan_.page_of[node] == page_; }
+
+  // Ancestors of the page's nodes that stand elsewhere, nearest to the root first.
+  void find_ghosts() {
+    for (const std::uint32_t local : locals_) {
+      for (std::uint32_t node = local; node != 0;) {
+        node = tree_.nodes[node].parent;
+        if (!is_local(node) && !ghost_index_.emplace(node, 0).second) {
+          break;  // its own ancestors are in already
+        }
+      }
+    }
+    for (auto& [node, index] : ghost_index_) {
+      index = static_cast<std::uint16_t>(locals_.size() + ghosts_.size());
+      ghosts_.push_back(node);
+    }
+  }
+
+  [[nodiscard]] std::uint16_t index_here(std::uint32_t node) const {
+    return is_local(node) ? local_index_[node] : ghost_index_.at(node);
+  }
+
+  Status fill(std::size_t i) {
+    const bool ghost = i >= locals_.size();
+    const std::uint32_t index = ghost ? ghosts_[i - locals_.size()] : locals_[i];
+    const WideNode& source = tree_.nodes[index];
+    Node<N>& node = nodes_[i];
+    node.level = source.level;
+    node.parent = index == 0 ? kNoParent : index_here(source.parent);
+    node.valid = source.valid;
+    node.order = source.order;
+    for (unsigned slot = 0; slot < N; ++slot) {
+      if (source.has(slot)) {
+        fill_child(node, index, slot, ghost);
+      }
+    }
+    return fill_boxes(node, source);
+  }
+
+  void fill_child(Node<N>& node, std::uint32_t index, unsigned slot, bool ghost) {
+    const WideNode& source = tree_.nodes[index];
+    const auto bit = static_cast<std::uint8_t>(1U << slot);
+    if (!ghost && source.is_leaf(slot)) {
+      node.leaf |= bit;
+      node.count[slot] = source.count[slot];
+      node.child[slot] = static_cast<std::uint16_t>(triangles_.size());
+      for (std::uint32_t t = source.child[slot]; t < source.child[slot] + source.count[slot]; ++t) {
+        triangles_.push_back(t);
+      }
+      return;
+    }
+    if (!ghost && is_local(source.child[slot])) {
+      node.child[slot] = local_index_[source.child[slot]];
+      return;
+    }
+    node.external |= bit;
+    node.child[slot] = static_cast<std::uint16_t>(externals_.size());
+    ExternalRef ref;
+    if (source.is_leaf(slot)) {
+      ref = {plan_.page_of[index], local_index_[index], static_cast<std::uint8_t>(slot), ExternalKind::leaf};
+    } else {
+      const std::uint32_t child = source.child[slot];
+      ref = {plan_.page_of[child], local_index_[child], 0, ExternalKind::node};
+    }
+    externals_.push_back(ref);
+  }
+
+  Status fill_boxes(Node<N>& node, const WideNode& source) {
+    Aabb all;
+    for (unsigned slot = 0; slot < N; ++slot) {
+      if (source.has(slot)) {
+        all.grow(source.boxes[slot]);
+      }
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      const AxisFrame frame = choose_frame(all.lower[axis], all.upper[axis]);
+      node.base[axis] = frame.base;
+      node.exponent[axis] = frame.exponent;
+      for (unsigned slot = 0; slot < N; ++slot) {
+        node.lower[axis][slot] = 255;
+        node.upper[axis][slot] = 0;
+        if (!source.has(slot)) {
+          continue;
+        }
+        const auto lower = quantize_lower(frame, source.boxes[slot].lower[axis]);
+        const auto upper = quantize_upper(frame, source.boxes[slot].upper[axis]);
+        if (!lower || !upper) {
+          return {ErrorCode::internal, "a box of page " + std::to_string(page_) + " cannot be quantised outward"};
+        }
+        node.lower[axis][slot] = *lower;
+        node.upper[axis][slot] = *upper;
+      }
+    }
+    return {};
+  }
+
+  PageBuffer write() {
+    PositionMap positions(triangles_.size() + 8);
+    std::map<std::uint32_t, std::uint32_t> geometries;  // sorted: the table does not depend on the order of nodes
+    std::vector<std::uint16_t> indices;
+    indices.reserve(triangles_.size() * 3);
+    for (const std::uint32_t t : triangles_) {
+      for (const Vec3f& p : tree_.triangles[t].v) {
+        indices.push_back(static_cast<std::uint16_t>(positions.insert(p)));
+      }
+      geometries.emplace(tree_.triangles[t].geometry_id, 0);
+    }
+    PageHeader header;
+    header.width = N;
+    header.node_count = static_cast<std::uint16_t>(locals_.size());
+    header.ghost_count = static_cast<std::uint16_t>(ghosts_.size());
+    header.external_count = static_cast<std::uint32_t>(externals_.size());
+    header.triangle_count = static_cast<std::uint32_t>(triangles_.size());
+    header.vertex_count = static_cast<std::uint32_t>(positions.size());
+    header.geometry_count = static_cast<std::uint32_t>(geometries.size());
+    header.geometry_index_bytes = geometries.size() <= 1 ? 0 : geometries.size() <= 256 ? 1 : 2;
+    lay_out(header);
+
+    PageBuffer image(header.image_bytes);
+    std::memcpy(image.data(), &header, sizeof header);
+    const auto copy = [&image](std::uint32_t offset, const auto& values) {
+      if (!values.empty()) {
+        std::memcpy(image.data() + offset, values.data(), values.size() * sizeof values[0]);
+      }
+    };
+    copy(header.nodes_offset, nodes_);
+    copy(header.externals_offset, externals_);
+    copy(header.vertices_offset, positions.positions());
+    copy(header.indices_offset, indices);
+    write_ids(header, geometries, image);
+    return image;
+  }
+
+  void write_ids(const PageHeader& header, std::map<std::uint32_t, std::uint32_t>& geometries, PageBuffer& image) {
+    std::uint32_t next = 0;
+    for (auto& [id, index] : geometries) {
+      index = next++;
+      std::memcpy(image.data() + header.geometries_offset + index * sizeof id, &id, sizeof id);
+    }
+    for (std::size_t i = 0; i < triangles_.size(); ++i) {
+      const Triangle& t = tree_.triangles[triangles_[i]];
+      std::memcpy(image.data() + header.primitive_ids_offset + i * sizeof t.primitive_id, &t.primitive_id,
+                  sizeof t.primitive_id);
+      if (header.geometry_index_bytes != 0) {
+        const std::uint32_t index = geometries.at(t.geometry_id);
+        // Little-endian: the low bytes come first.
+        std::memcpy(image.data() + header.geometry_indices_offset + i * header.geometry_index_bytes, &index,
+                    header.geometry_index_bytes);
+      }
+    }
+  }
+
+  const WideTree& tree_;
+  const PagePlan& plan_;
+  const std::vector<std::uint16_t>& local_index_;
+  const std::uint32_t page_;
+  const std::vector<std::uint32_t>& locals_;
+  std::vector<std::uint32_t> ghosts_;
+  std::map<std::uint32_t, std::uint16_t> ghost_index_;
+  std::vector<Node<N>> nodes_;
+  std::vector<ExternalRef> externals_;
+  std::vector<std::uint32_t> triangles_;  // of the tree, in page order
+};
+
+// Boxes of a page's own subtrees, bottom up: children stand behind their parents.
+template <int N>
+Status check_boxes_of(const PageView& view) {
+  const PageHeader& header = view.header();
+  const Node<N>* nodes = view.nodes<N>();
+  std::vector<Aabb> content(header.node_count);
+  for (std::uint32_t i = header.node_count; i-- > 0;) {
+    const Node<N>& node = nodes[i];
+    for (unsigned slot = 0; slot < N; ++slot) {
+      if ((node.valid >> slot & 1) == 0) {
+        continue;
+      }
+      Aabb decoded;
+      for (int axis = 0; axis < 3; ++axis) {
+        const float scale = power_of_two(node.exponent[axis]);
+        decoded.lower[axis] = decode_plane(node.base[axis], scale, node.lower[axis][slot]);
+        decoded.upper[axis] = decode_plane(node.base[axis], scale, node.upper[axis][slot]);
+      }
+      Aabb inside;
+      if ((node.leaf >> slot & 1) != 0) {
+        for (std::uint32_t t = node.child[slot]; t < std::uint32_t(node.child[slot]) + node.count[slot]; ++t) {
+          for (int corner = 0; corner < 3; ++corner) {
+            inside.grow(view.vertices()[view.indices()[t * 3 + corner]]);
+          }
+        }
+      } else if ((node.external >> slot & 1) == 0) {
+        if (node.child[slot] <= i) {
+          return {ErrorCode::corrupt, "page has a node that stands before its parent"};
+        }
+        inside = content[node.child[slot]];
+      }
+      Aabb both = decoded;
+      both.grow(inside);
+      if (!(both == decoded)) {
+        return {ErrorCode::corrupt, "page has a box that does not hold what is below it"};
+      }
+      content[i].grow(inside);
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+PageCost page_cost(unsigned width, std::uint32_t page_bytes) {
+  PageCost cost;
+  cost.page_bytes = page_bytes;
+  cost.header_bytes = sizeof(PageHeader) + 8 * kPageAlignment;
+  cost.node_bytes = node_bytes(width);
+  cost.external_bytes = sizeof(ExternalRef);
+  cost.triangle_bytes = 3 * sizeof(std::uint16_t) + sizeof(std::uint32_t) + sizeof(std::uint16_t);
+  cost.vertex_bytes = sizeof(Vec3f);
+  cost.geometry_bytes = sizeof(std::uint32_t);
+  return cost;
+}
+
+PageAssembler::PageAssembler(const WideTree& tree, const PagePlan& plan)
+    : tree_(tree), plan_(plan), local_index_(tree.nodes.size()) {
+  for (const auto& page : plan.pages) {
+    for (std::size_t i = 0; i < page.size(); ++i) {
+      local_index_[page[i]] = static_cast<std::uint16_t>(i);
+    }
+  }
+}
+
+Result<PageBuffer> PageAssembler::assemble(std::uint32_t page) const {
+  return tree_.width == 8 ? Assembly<8>(tree_, plan_, local_index_, page).run()
+                          : Assembly<4>(tree_, plan_, local_index_, page).run();
+}
+
+Status check_boxes(const std::byte* image) {
+  const PageView view(image);
+  return view.header().width == 8 ? check_boxes_of<8>(view) : check_boxes_of<4>(view);
+}
+
+}  // namespace raymill::storage
