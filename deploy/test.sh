@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# Builds Raymill and runs all its tests: deploy/test.sh [--sanitize] [--tsan] [-R REGEX]
+#   --sanitize  after that, the unit and corpus tests under AddressSanitizer and UndefinedBehaviorSanitizer
+#   --tsan      the unit tests under ThreadSanitizer too
+#   -R REGEX    only the tests whose name matches
+# Scenes are looked for in $RAYMILL_SCENES, else in ../shared/scenes beside the repository; tests that need them are
+# left out where they are missing, unless RAYMILL_REQUIRE_SCENES=1.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+suites=(release)
+filter=()
+while (($# > 0)); do
+  case "$1" in
+    --sanitize) suites+=(asan) ;;
+    --tsan) suites+=(tsan) ;;
+    -R)
+      filter=(--tests-regex "${2:?-R needs a regular expression}")
+      shift
+      ;;
+    *)
+      sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
+      exit 2
+      ;;
+  esac
+  shift
+done
+
+deploy/install_packages.sh
+if command -v ccache > /dev/null; then
+  export CMAKE_CXX_COMPILER_LAUNCHER=ccache
+fi
+
+export RAYMILL_SCENES=${RAYMILL_SCENES:-$PWD/../shared/scenes}
+if [[ -f $RAYMILL_SCENES/MANIFEST.tsv ]]; then
+  RAYMILL_SCENES=$(cd "$RAYMILL_SCENES" && pwd)
+elif [[ ${RAYMILL_REQUIRE_SCENES:-0} == 1 ]]; then
+  echo "test.sh: RAYMILL_REQUIRE_SCENES=1, but there are no scenes in $RAYMILL_SCENES" >&2
+  exit 1
+else
+  echo "test.sh: no scenes in $RAYMILL_SCENES; the tests that need them are left out"
+fi
+
+for suite in "${suites[@]}"; do
+  cmake --preset "$suite" > /dev/null
+  cmake --build --preset "$suite"
+done
+
+declare -A labels=([release]='.*' [asan]='unit|corpus|fuzz' [tsan]='unit')
+passed=0
+failed=0
+left_out=0
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+for suite in "${suites[@]}"; do
+  ctest --preset "$suite" --label-regex "${labels[$suite]}" --parallel "$(nproc)" "${filter[@]}" 2>&1 | tee "$log" || true
+  # The closing lines: "98% tests passed, 2 tests failed out of 100" and "Total Test time"; "12 - name (Skipped)".
+  if ! summary=$(grep -E '^[0-9]+% tests passed, [0-9]+ tests failed out of [0-9]+$' "$log"); then
+    echo "test.sh: ctest did not come to its end for $suite" >&2
+    exit 1
+  fi
+  read -r suite_failed suite_total < <(sed -E 's/^.*passed, ([0-9]+) tests failed out of ([0-9]+)$/\1 \2/' <<< "$summary")
+  suite_skipped=$(grep -cE '^[[:space:]]+[0-9]+ - .* \((Skipped|Disabled)\)$' "$log" || true)
+  passed=$((passed + suite_total - suite_failed - suite_skipped))
+  failed=$((failed + suite_failed))
+  left_out=$((left_out + suite_skipped))
+done
+if ((left_out > 0)); then
+  echo "$left_out tests were left out; they are listed above as skipped"
+fi
+echo "$passed passed, $failed failed"
+if ((failed > 0)); then
+  exit 1
+fi
