@@ -14,7 +14,9 @@ ninja -C build/debug -t targets all | sed -n 's/^\(.*\.pb\.h\): .*/\1/p' | xargs
 
 files=("$@")
 if ((${#files[@]} == 0)); then
-  mapfile -t files < <(git ls-files -- 'storage/*.cc' 'traversal/*.cc' 'server/*.cc' 'client/*.cc')
+  mapfile -t files < <(sed -n "s|^ *\"file\": \"$PWD/\(.*\)\",\?\$|\1|p" build/debug/compile_commands.json |
+    grep -E '^(storage|traversal|server|client)/' | sort -u)
 fi
-printf '%s\0' "${files[@]}" | xargs -0 -n 1 -P "$(nproc)" clang-tidy --quiet -p build/debug
+printf '%s\0' "${files[@]}" | xargs -0 -n 1 -P "$(nproc)" clang-tidy --quiet -p build/debug 2>&1 |
+  sed -E "/^[0-9]+ warnings?( and [0-9]+ errors?)? generated/d"
 echo "clang-tidy: ${#files[@]} files"
