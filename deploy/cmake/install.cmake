@@ -54,6 +54,7 @@ endfunction()
 # The one target that users link: embedded engine, client, builder.
 add_library(raymill_package INTERFACE)
 set_target_properties(raymill_package PROPERTIES EXPORT_NAME raymill)
+target_compile_features(raymill_package INTERFACE cxx_std_20)
 foreach(library IN ITEMS raymill_client raymill_traversal raymill_builder)
   if(TARGET ${library})
     target_link_libraries(raymill_package INTERFACE ${library})
