@@ -8,9 +8,10 @@ are included by the image program alone.
 
 import pathlib
 import re
-import subprocess
 import sys
 import tempfile
+
+from repository import repository_files
 
 # In the data's way, first to last. A path belongs to the longest layer that it begins with.
 LAYERS = [
@@ -32,6 +33,7 @@ INTRINSICS_FOLDER = "traversal/simd/"
 IMAGE_LIBRARIES = re.compile(r"(OpenImageIO|openvdb|nanovdb)/")
 IMAGE_FILES = re.compile(r"client/cli/(image/|image_)")
 
+SOURCE = re.compile(r"\.(h|cc|inl|cu|cuh)$")
 INCLUDE = re.compile(r'^\s*#\s*include\s*(["<])([^">]+)[">]', re.MULTILINE)
 
 
@@ -60,14 +62,6 @@ def violations(root, files):
             to = layer(target)
             if to is not None and to > layer(file):
                 yield f"{where}: {LAYERS[layer(file)]} must not include {LAYERS[to]} ({target}): data goes one way"
-
-
-def repository_files(root):
-    listed = subprocess.run(
-        ["git", "-c", f"safe.directory={root}", "-C", str(root), "ls-files", "--cached", "--others", "--exclude-standard",
-         "*.h", "*.cc", "*.inl", "*.cuh", "*.cu"],
-        check=True, capture_output=True, text=True).stdout.split("\n")
-    return sorted({name for name in listed if name and (root / name).is_file()})
 
 
 def self_test():
@@ -111,7 +105,7 @@ def main():
     if sys.argv[1:] == ["--self-test"]:
         return 0 if self_test() else 1
     root = pathlib.Path(sys.argv[1]).resolve()
-    files = repository_files(root)
+    files = [name for name in repository_files(root) if SOURCE.search(name)]
     found = list(violations(root, files))
     print("\n".join(found) or f"{len(files)} files, none includes what stands after it")
     return 1 if found else 0

@@ -5,9 +5,10 @@
 
 import pathlib
 import re
-import subprocess
 import sys
 import tempfile
+
+from repository import repository_files
 
 TOP = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md",
        "client", "deploy", "server", "storage", "tests", "traversal"}
@@ -37,13 +38,6 @@ def violations(root, files):
                 yield f"{file}:{number}: a path of one machine: {line.strip()}"
             if UNFINISHED.search(line):
                 yield f"{file}:{number}: unfinished: {line.strip()}"
-
-
-def repository_files(root):
-    listed = subprocess.run(
-        ["git", "-c", f"safe.directory={root}", "-C", str(root), "ls-files", "--cached", "--others", "--exclude-standard"],
-        check=True, capture_output=True, text=True).stdout.split("\n")
-    return sorted({name for name in listed if name and (root / name).is_file()})
 
 
 def self_test():
