@@ -5,6 +5,7 @@
 // Thread-compatible: one import per call, no shared state.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -22,16 +23,16 @@ namespace raymill::storage {
 /// Stable codes of the import report; never renumbered. 1xx: dropped triangles; 2xx: met and left out or taken at
 /// rest; 3xx: met and handled.
 enum class ImportCode : std::uint16_t {
-  dropped_degenerate = 100,      ///< two corners at the same position, or zero area in exact arithmetic
-  dropped_not_finite = 101,      ///< a corner is NaN or infinite
-  dropped_out_of_range = 102,    ///< a coordinate beyond kPositionLimit
-  left_out_points = 200,         ///< primitives of mode POINTS
-  left_out_lines = 201,          ///< primitives of mode LINES, LINE_LOOP, LINE_STRIP
-  left_out_no_positions = 202,   ///< primitives without POSITION
-  skin_at_rest = 203,            ///< nodes with a skin: the rest pose is taken
-  morph_at_rest = 204,           ///< primitives with morph targets: weights are not applied
-  extension_ignored = 205,       ///< optional extensions that change nothing Raymill models
-  leftover_vertices = 206,       ///< vertices or indices past the last whole triangle
+  dropped_degenerate = 100,     ///< two corners at the same position, or zero area in exact arithmetic
+  dropped_not_finite = 101,     ///< a corner is NaN or infinite
+  dropped_out_of_range = 102,   ///< a coordinate beyond kPositionLimit
+  left_out_points = 200,        ///< primitives of mode POINTS
+  left_out_lines = 201,         ///< primitives of mode LINES, LINE_LOOP, LINE_STRIP
+  left_out_no_positions = 202,  ///< primitives without POSITION
+  skin_at_rest = 203,           ///< nodes with a skin: the rest pose is taken
+  morph_at_rest = 204,          ///< primitives with morph targets: weights are not applied
+  extension_ignored = 205,      ///< optional extensions that change nothing Raymill models
+  leftover_vertices = 206,      ///< vertices or indices past the last whole triangle
   draco_primitives = 300,
   sparse_accessors = 301,
   quantized_positions = 302,
@@ -46,18 +47,18 @@ struct GeometryInfo {
   std::string file;
   std::string node;  ///< the node's name, or "node<index>" where it has none; mesh alike
   std::string mesh;
-  std::uint32_t primitive = 0;   ///< index in the mesh
-  std::uint64_t triangles = 0;   ///< in the input, before anything was dropped
-  std::uint64_t kept = 0;        ///< handed on
+  std::uint32_t primitive = 0;  ///< index in the mesh
+  std::uint64_t triangles = 0;  ///< in the input, before anything was dropped
+  std::uint64_t kept = 0;       ///< handed on
 };
 
 /// A camera of the scene in world space, for render.
 struct CameraInfo {
   std::string name;
   bool perspective = true;
-  double yfov_radians = 0;   ///< perspective
-  double aspect_ratio = 0;   ///< 0 where the file leaves it open
-  double ymag = 0;           ///< orthographic half height
+  double yfov_radians = 0;            ///< perspective
+  double aspect_ratio = 0;            ///< 0 where the file leaves it open
+  double ymag = 0;                    ///< orthographic half height
   double world_from_camera[16] = {};  ///< column-major; the camera looks along -z
 };
 
@@ -69,6 +70,9 @@ struct ImportReport {
   std::uint64_t triangles = 0;                  ///< in the input
   std::uint64_t kept = 0;
 };
+
+/// {"counts":{"dropped_degenerate":{"code":100,"count":3},...},"ignored_extensions":[...],"triangles":N,"kept":N}
+std::string to_json(const ImportReport& report);
 
 struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
@@ -88,5 +92,9 @@ class TriangleSink {
 /// Errors: not_found, io, bad_scene, unsupported (a required extension, by name), budget_exceeded, and the sink's.
 Status import_gltf(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
                    ImportReport& report);
+
+/// The same for a file that is already in memory, under `name`. Buffers beside it are not read (unsupported).
+Status import_gltf_memory(std::span<const std::byte> bytes, const std::string& name, const ImportOptions& options,
+                          Ledger& ledger, TriangleSink& sink, ImportReport& report);
 
 }  // namespace raymill::storage

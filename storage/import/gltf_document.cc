@@ -1,0 +1,160 @@
+#include "storage/import/gltf_document.h"
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "storage/import/gltf_extensions.h"
+#include "storage/import/gltf_json.h"
+#include "storage/import/gltf_schema.h"
+#include "storage/import/message.h"
+#include "storage/import/tinygltf_config.h"
+
+namespace raymill::storage {
+
+namespace {
+
+using nlohmann::json;
+
+// Index accessors travel through tinygltf under this attribute's name: it refuses those without a bufferView, which
+// is what a Draco primitive has. No attribute of the file can collide: only POSITION is kept of them.
+constexpr const char* kIndicesAttribute = "RAYMILL_INDICES";
+
+Status check_version(const json& asset) {
+  const auto version = asset["version"].get<std::string>();
+  const auto needed = asset.value("minVersion", version);
+  for (const std::string& text : {version, needed}) {
+    if (text.empty() || text.find_first_not_of("0123456789.") != std::string::npos) {
+      return bad_scene("asset.version is not a version number");
+    }
+  }
+  if (!version.starts_with("2.") || (asset.contains("minVersion") && needed != "2.0")) {
+    return {ErrorCode::unsupported, message("asset.version asks for glTF ", needed, " and Raymill reads glTF 2.0")};
+  }
+  return {};
+}
+
+std::vector<BufferDeclaration> take_buffer_declarations(json& root) {
+  std::vector<BufferDeclaration> buffers;
+  const auto section = root.find("buffers");
+  if (section == root.end()) {
+    return buffers;
+  }
+  for (json& buffer : *section) {
+    BufferDeclaration& declaration = buffers.emplace_back();
+    declaration.size_bytes = buffer["byteLength"].get<std::uint64_t>();
+    declaration.meshopt_fallback = buffer.contains("extensions") && !buffer["extensions"].empty();
+    if (buffer.contains("uri")) {
+      declaration.uri = std::move(buffer["uri"].get_ref<std::string&>());
+    }
+  }
+  root.erase(section);
+  return buffers;
+}
+
+// Moves each primitive's index accessor among its attributes.
+void hide_indices(json& root) {
+  if (!root.contains("meshes")) {
+    return;
+  }
+  for (json& mesh : root["meshes"]) {
+    for (json& primitive : mesh["primitives"]) {
+      if (const auto it = primitive.find("indices"); it != primitive.end()) {
+        primitive["attributes"][kIndicesAttribute] = *it;
+        primitive.erase("indices");
+      }
+    }
+  }
+}
+
+// Heap of tinygltf's model: its vectors grow by doubling, old and new side by side, so three times the elements.
+std::uint64_t model_bytes(const json& root, const JsonMeasure& measure) {
+  const auto size = [&](const char* section) -> std::uint64_t {
+    return root.contains(section) ? root[section].size() : 0;
+  };
+  std::uint64_t primitives = 0;
+  if (root.contains("meshes")) {
+    for (const json& mesh : root["meshes"]) {
+      primitives += mesh["primitives"].size();
+    }
+  }
+  constexpr std::uint64_t kGrowth = 3;
+  return kGrowth * (size("nodes") * sizeof(tinygltf::Node) + size("meshes") * sizeof(tinygltf::Mesh) +
+                    size("accessors") * sizeof(tinygltf::Accessor) + size("scenes") * sizeof(tinygltf::Scene) +
+                    size("bufferViews") * sizeof(tinygltf::BufferView) + size("cameras") * sizeof(tinygltf::Camera) +
+                    primitives * (sizeof(tinygltf::Primitive) + 192)) +
+         measure.values * 16 + measure.string_bytes;
+}
+
+Status parse_model(const std::string& text, tinygltf::Model& model) {
+  std::string errors;
+  std::string warnings;
+  bool good = false;
+  try {
+    tinygltf::TinyGLTF parser;
+    good = parser.LoadASCIIFromString(&model, &errors, &warnings, text.data(), static_cast<unsigned int>(text.size()),
+                                      "", tinygltf::NO_REQUIRE);
+  } catch (const std::exception& error) {
+    errors = error.what();
+  }
+  if (!good) {
+    std::replace(errors.begin(), errors.end(), '\n', ' ');
+    return bad_scene("is not valid glTF 2.0: ", errors);
+  }
+  return {};
+}
+
+}  // namespace
+
+GltfDocument::GltfDocument() : model_(std::make_unique<tinygltf::Model>()) {}
+GltfDocument::GltfDocument(GltfDocument&&) noexcept = default;
+GltfDocument& GltfDocument::operator=(GltfDocument&&) noexcept = default;
+GltfDocument::~GltfDocument() = default;
+
+int GltfDocument::indices_of(const tinygltf::Primitive& primitive) {
+  const auto it = primitive.attributes.find(kIndicesAttribute);
+  return it == primitive.attributes.end() ? -1 : it->second;
+}
+
+Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContainer& container, Ledger& ledger) {
+  if (container.json.size_bytes > std::numeric_limits<std::uint32_t>::max()) {
+    return Status(ErrorCode::unsupported, message("the JSON text has ", container.json.size_bytes,
+                                                  " bytes; keep the buffers in a .bin file beside it"));
+  }
+  GltfDocument document;
+  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation text_claim, ledger.claim(Tag::build, container.json.size_bytes));
+  std::string text(container.json.size_bytes, '\0');
+  RAYMILL_RETURN_IF_ERROR(file.read(container.json.offset, std::as_writable_bytes(std::span(text))));
+
+  RAYMILL_ASSIGN_OR_RETURN(const JsonMeasure measure, measure_json(text));
+  RAYMILL_ASSIGN_OR_RETURN(document.claim_, ledger.claim(Tag::build, measure.tree_bytes()));
+  RAYMILL_ASSIGN_OR_RETURN(json root, parse_json(text));
+  text = {};
+  RAYMILL_RETURN_IF_ERROR(text_claim.resize(0));
+
+  RAYMILL_RETURN_IF_ERROR(normalize(root));
+  RAYMILL_RETURN_IF_ERROR(check_version(root["asset"]));
+  RAYMILL_ASSIGN_OR_RETURN(ExtensionUse extensions, check_extensions(root));
+  document.ignored_extensions_ = std::move(extensions.ignored);
+  document.quantization_ = extensions.quantization;
+  document.buffers_ = take_buffer_declarations(root);
+  hide_indices(root);
+  root.erase("skins");  // their number was needed, tinygltf wants more of them
+
+  // The normalised text and tinygltf's own tree stand beside ours for a while.
+  std::uint64_t buffers_bytes = 0;
+  for (const BufferDeclaration& buffer : document.buffers_) {
+    buffers_bytes += sizeof buffer + buffer.uri.capacity();
+  }
+  const std::uint64_t kept_bytes = model_bytes(root, measure);
+  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes() * 3 + kept_bytes + buffers_bytes));
+  text = root.dump();
+  root = nullptr;
+  RAYMILL_RETURN_IF_ERROR(parse_model(text, *document.model_));
+  text = {};
+  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(kept_bytes + buffers_bytes));
+  return document;
+}
+
+}  // namespace raymill::storage

@@ -1,0 +1,110 @@
+#include <utility>
+
+#include "storage/import/gltf_buffers.h"
+#include "storage/import/gltf_container.h"
+#include "storage/import/gltf_document.h"
+#include "storage/import/gltf_primitives.h"
+#include "storage/import/gltf_scene.h"
+#include "storage/import/message.h"
+#include "storage/import/scene_import.h"
+#include "storage/import/tinygltf_config.h"
+#include "storage/import/triangle_filter.h"
+
+namespace raymill::storage {
+
+namespace {
+
+// What is being read: the name that reports carry, the bytes, and the folder of the files beside it.
+struct SceneFile {
+  std::string name;
+  ByteSource bytes;
+  std::optional<std::string> folder;
+};
+
+void note_extensions(const std::vector<std::string>& names, ImportReport& report) {
+  if (names.empty()) {
+    return;
+  }
+  report.counts[ImportCode::extension_ignored] += names.size();
+  std::vector<std::string>& all = report.ignored_extensions;
+  all.insert(all.end(), names.begin(), names.end());
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+}
+
+std::string name_or_number(const std::string& name, std::string_view kind, int index) {
+  return name.empty() ? message(kind, index) : name;
+}
+
+Status import_nodes(const SceneFile& file, const GltfScene& scene, const PrimitiveContext& context) {
+  const tinygltf::Model& model = context.document.model();
+  for (const PlacedNode& placed : scene.nodes) {
+    const tinygltf::Node& node = model.nodes[static_cast<std::size_t>(placed.node)];
+    if (node.mesh < 0) {
+      continue;
+    }
+    if (node.skin >= 0) {
+      ++context.report.counts[ImportCode::skin_at_rest];
+    }
+    const tinygltf::Mesh& mesh = model.meshes[static_cast<std::size_t>(node.mesh)];
+    for (std::size_t i = 0; i < mesh.primitives.size(); ++i) {
+      GeometryInfo& geometry = context.report.geometries.emplace_back();
+      geometry.file = file.name;
+      geometry.node = name_or_number(node.name, "node", placed.node);
+      geometry.mesh = name_or_number(mesh.name, "mesh", node.mesh);
+      geometry.primitive = static_cast<std::uint32_t>(i);
+      context.out.begin_geometry();
+      Status status = import_primitive(mesh.primitives[i], placed.world_from_node, context);
+      if (!status.ok()) {
+        return context.out.sink_failed() ? status
+                                         : in_context(message("meshes[", node.mesh, "].primitives[", i, "]"), status);
+      }
+    }
+  }
+  return context.out.flush();
+}
+
+Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
+                    ImportReport& report, bool& sink_failed) {
+  RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
+  RAYMILL_ASSIGN_OR_RETURN(GltfDocument document, GltfDocument::load(file.bytes, container, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(const GltfScene scene, place_nodes(document.model(), options.scene, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
+                           ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
+  GltfBuffers buffers(file.bytes, container.binary, file.folder, document.take_buffers(), ledger);
+  note_extensions(document.ignored_extensions(), report);
+  std::vector<CameraInfo> cameras = placed_cameras(document.model(), scene);
+  std::move(cameras.begin(), cameras.end(), std::back_inserter(report.cameras));
+
+  TriangleWriter writer(sink, report);
+  Status status = import_nodes(file, scene, {document, buffers, ledger, writer, report});
+  sink_failed = writer.sink_failed();
+  return status;
+}
+
+// Puts the file's name before an error of the import; the sink's errors pass as they are.
+Status import_file(const SceneFile& file, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
+                   ImportReport& report) {
+  bool sink_failed = false;
+  Status status = import_scene(file, options, ledger, sink, report, sink_failed);
+  return status.ok() || sink_failed ? status : in_context(file.name, status);
+}
+
+}  // namespace
+
+Status import_gltf(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
+                   ImportReport& report) {
+  SceneFile file;
+  file.name = path;
+  RAYMILL_ASSIGN_OR_RETURN(file.bytes, ByteSource::open(path));
+  const std::size_t slash = path.find_last_of('/');
+  file.folder = slash == std::string::npos ? std::string() : path.substr(0, slash + 1);
+  return import_file(file, options, ledger, sink, report);
+}
+
+Status import_gltf_memory(std::span<const std::byte> bytes, const std::string& name, const ImportOptions& options,
+                          Ledger& ledger, TriangleSink& sink, ImportReport& report) {
+  return import_file({name, ByteSource::view(bytes), std::nullopt}, options, ledger, sink, report);
+}
+
+}  // namespace raymill::storage

@@ -1,0 +1,177 @@
+#include "storage/import/gltf_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "storage/import/message.h"
+#include "storage/import/tinygltf_config.h"
+
+namespace raymill::storage {
+
+namespace {
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+// Rotation matrix of a quaternion of any length: q * p * q^-1 (Shoemake 1985), so rounding in the file does not scale.
+// A quaternion of zeros rotates nothing.
+Transform from_trs(const tinygltf::Node& node) {
+  const auto value = [](const std::vector<double>& values, std::size_t i, double otherwise) {
+    return values.empty() ? otherwise : values[i];
+  };
+  const double x = value(node.rotation, 0, 0), y = value(node.rotation, 1, 0), z = value(node.rotation, 2, 0),
+               w = value(node.rotation, 3, 1);
+  const double norm = x * x + y * y + z * z + w * w;
+  const double s = norm > 0 ? 2 / norm : 0;
+  const double rotation[9] = {1 - s * (y * y + z * z), s * (x * y + z * w),     s * (x * z - y * w),
+                              s * (x * y - z * w),     1 - s * (x * x + z * z), s * (y * z + x * w),
+                              s * (x * z + y * w),     s * (y * z - x * w),     1 - s * (x * x + y * y)};
+  Transform transform;
+  for (std::size_t column = 0; column < 3; ++column) {
+    const double scale = value(node.scale, column, 1);
+    for (std::size_t row = 0; row < 3; ++row) {
+      transform.m[column * 4 + row] = rotation[column * 3 + row] * scale;
+    }
+    transform.m[12 + column] = value(node.translation, column, 0);
+  }
+  return transform;
+}
+
+Result<Transform> local_transform(const tinygltf::Model& model, int node) {
+  const tinygltf::Node& declared = model.nodes[at(node)];
+  if (declared.matrix.empty()) {
+    return from_trs(declared);
+  }
+  Transform transform;
+  std::copy(declared.matrix.begin(), declared.matrix.end(), transform.m.begin());
+  constexpr double kLastRowSlack = 1e-6;  // exporters write matrices in float32
+  for (const int i : {3, 7, 11, 15}) {
+    const double expected = i == 15 ? 1 : 0;
+    if (!(std::abs(transform.m[at(i)] - expected) <= kLastRowSlack)) {
+      return bad_scene("nodes[", node, "].matrix is not affine: its last row must be 0 0 0 1");
+    }
+    transform.m[at(i)] = expected;
+  }
+  return transform;
+}
+
+// Kahn 1962: takes nodes away whose parents are all gone; what cannot be taken away lies on or below a cycle.
+Status check_no_cycle(const tinygltf::Model& model, std::vector<std::uint32_t> parents, std::vector<int> ready) {
+  std::size_t taken = ready.size();
+  while (!ready.empty()) {
+    const int node = ready.back();
+    ready.pop_back();
+    for (const int child : model.nodes[at(node)].children) {
+      if (--parents[at(child)] == 0) {
+        ready.push_back(child);
+        ++taken;
+      }
+    }
+  }
+  if (taken == model.nodes.size()) {
+    return {};
+  }
+  // Up the parents from any node that is left: after as many steps as there are nodes, one stands on the cycle.
+  int node = 0;
+  while (parents[at(node)] == 0) {
+    ++node;
+  }
+  std::vector<int> parent_of(model.nodes.size(), -1);
+  for (std::size_t i = 0; i < model.nodes.size(); ++i) {
+    for (const int child : model.nodes[i].children) {
+      if (parents[i] != 0) {
+        parent_of[at(child)] = static_cast<int>(i);
+      }
+    }
+  }
+  for (std::size_t step = 0; step < model.nodes.size(); ++step) {
+    node = parent_of[at(node)];
+  }
+  return bad_scene("nodes[", node, "] is its own ancestor; a hierarchy must not run in a circle");
+}
+
+Result<std::vector<int>> root_nodes(const tinygltf::Model& model, std::optional<std::uint32_t> scene,
+                                    const std::vector<int>& orphans) {
+  if (scene && *scene >= model.scenes.size()) {
+    return Status(ErrorCode::invalid_argument,
+                  message("has no scene ", *scene, "; it has ", model.scenes.size(), ", counted from 0"));
+  }
+  if (model.scenes.empty()) {
+    return orphans;
+  }
+  const std::size_t chosen = scene ? *scene : model.defaultScene >= 0 ? at(model.defaultScene) : 0;
+  return model.scenes[chosen].nodes;
+}
+
+}  // namespace
+
+Result<GltfScene> place_nodes(const tinygltf::Model& model, std::optional<std::uint32_t> scene, Ledger& ledger) {
+  GltfScene placed;
+  const std::uint64_t node_count = model.nodes.size();
+  constexpr std::uint64_t kScratchBytes = 64;  // per node: parents, two stacks that double, marks
+  RAYMILL_ASSIGN_OR_RETURN(placed.claim,
+                           ledger.claim(Tag::build, node_count * (2 * sizeof(PlacedNode) + kScratchBytes)));
+  std::vector<std::uint32_t> parents(node_count, 0);
+  for (const tinygltf::Node& node : model.nodes) {
+    for (const int child : node.children) {
+      ++parents[at(child)];
+    }
+  }
+  std::vector<int> orphans;
+  for (std::size_t node = 0; node < node_count; ++node) {
+    if (parents[node] == 0) {
+      orphans.push_back(static_cast<int>(node));
+    }
+  }
+  RAYMILL_RETURN_IF_ERROR(check_no_cycle(model, parents, orphans));
+  RAYMILL_ASSIGN_OR_RETURN(std::vector<int> roots, root_nodes(model, scene, orphans));
+
+  std::vector<bool> reached(node_count, false);
+  std::vector<PlacedNode> stack;
+  const auto reach = [&](int node, const Transform& world_from_parent) -> Status {
+    if (reached[at(node)]) {
+      return bad_scene("nodes[", node, "] is reached twice; a node has one parent and one place in a scene");
+    }
+    reached[at(node)] = true;
+    RAYMILL_ASSIGN_OR_RETURN(const Transform local, local_transform(model, node));
+    stack.push_back({node, world_from_parent * local});
+    return {};
+  };
+  for (const int root : roots) {
+    RAYMILL_RETURN_IF_ERROR(reach(root, Transform{}));
+    while (!stack.empty()) {
+      placed.nodes.push_back(stack.back());
+      stack.pop_back();
+      const PlacedNode parent = placed.nodes.back();
+      for (const int child : model.nodes[at(parent.node)].children) {
+        RAYMILL_RETURN_IF_ERROR(reach(child, parent.world_from_node));
+      }
+    }
+  }
+  std::sort(placed.nodes.begin(), placed.nodes.end(),
+            [](const PlacedNode& a, const PlacedNode& b) { return a.node < b.node; });
+  return placed;
+}
+
+std::vector<CameraInfo> placed_cameras(const tinygltf::Model& model, const GltfScene& scene) {
+  std::vector<CameraInfo> cameras;
+  for (const PlacedNode& placed : scene.nodes) {
+    const tinygltf::Node& node = model.nodes[at(placed.node)];
+    if (node.camera < 0) {
+      continue;
+    }
+    const tinygltf::Camera& declared = model.cameras[at(node.camera)];
+    CameraInfo& camera = cameras.emplace_back();
+    camera.name = !declared.name.empty() ? declared.name
+                  : !node.name.empty()   ? node.name
+                                         : message("node", placed.node);
+    camera.perspective = declared.type != "orthographic";
+    camera.yfov_radians = declared.perspective.yfov;
+    camera.aspect_ratio = declared.perspective.aspectRatio;
+    camera.ymag = declared.orthographic.ymag;
+    std::copy(placed.world_from_node.m.begin(), placed.world_from_node.m.end(), camera.world_from_camera);
+  }
+  return cameras;
+}
+
+}  // namespace raymill::storage

@@ -1,0 +1,51 @@
+#include <nlohmann/json.hpp>
+
+#include "storage/import/scene_import.h"
+
+namespace raymill::storage {
+
+std::string_view to_string(ImportCode code) {
+  switch (code) {
+    case ImportCode::dropped_degenerate:
+      return "dropped_degenerate";
+    case ImportCode::dropped_not_finite:
+      return "dropped_not_finite";
+    case ImportCode::dropped_out_of_range:
+      return "dropped_out_of_range";
+    case ImportCode::left_out_points:
+      return "left_out_points";
+    case ImportCode::left_out_lines:
+      return "left_out_lines";
+    case ImportCode::left_out_no_positions:
+      return "left_out_no_positions";
+    case ImportCode::skin_at_rest:
+      return "skin_at_rest";
+    case ImportCode::morph_at_rest:
+      return "morph_at_rest";
+    case ImportCode::extension_ignored:
+      return "extension_ignored";
+    case ImportCode::leftover_vertices:
+      return "leftover_vertices";
+    case ImportCode::draco_primitives:
+      return "draco_primitives";
+    case ImportCode::sparse_accessors:
+      return "sparse_accessors";
+    case ImportCode::quantized_positions:
+      return "quantized_positions";
+  }
+  return "unknown";
+}
+
+std::string to_json(const ImportReport& report) {
+  nlohmann::ordered_json counts = nlohmann::ordered_json::object();
+  for (const auto& [code, count] : report.counts) {
+    counts[std::string(to_string(code))] = {{"code", static_cast<int>(code)}, {"count", count}};
+  }
+  const nlohmann::ordered_json json = {{"counts", std::move(counts)},
+                                       {"ignored_extensions", report.ignored_extensions},
+                                       {"triangles", report.triangles},
+                                       {"kept", report.kept}};
+  return json.dump();
+}
+
+}  // namespace raymill::storage

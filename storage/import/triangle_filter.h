@@ -1,0 +1,47 @@
+// TriangleFilter: sorts out the triangles that no ray could hit, exactly, and hands the rest on in pieces.
+//
+// A triangle is degenerate when two corners are equal or its area is zero in exact arithmetic; nothing is judged by an
+// epsilon. Thread-confined.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "storage/base/vec3.h"
+#include "storage/import/scene_import.h"
+
+namespace raymill::storage {
+
+enum class TriangleVerdict : std::uint8_t { keep, not_finite, out_of_range, degenerate };
+
+TriangleVerdict judge(const std::array<Vec3f, 3>& corners);
+
+/// Collects the triangles of one geometry after the other.
+class TriangleWriter {
+ public:
+  /// Triangles handed on at once.
+  static constexpr std::size_t kPieceTriangles = 16384;
+
+  TriangleWriter(TriangleSink& sink, ImportReport& report);
+
+  /// Later triangles belong to the last entry of report.geometries.
+  void begin_geometry();
+  /// Judges the next triangle of the geometry. Errors: the sink's.
+  Status add(const std::array<Vec3f, 3>& corners);
+  /// Hands on what is left. Errors: the sink's.
+  Status flush();
+  /// True once the sink has failed: its error is then the import's, word for word.
+  [[nodiscard]] bool sink_failed() const { return sink_failed_; }
+
+  /// What the writer holds, for the claim.
+  static constexpr std::uint64_t heap_bytes() { return kPieceTriangles * sizeof(Triangle); }
+
+ private:
+  TriangleSink& sink_;
+  ImportReport& report_;
+  std::vector<Triangle> piece_;
+  std::uint32_t geometry_id_ = 0;
+  bool sink_failed_ = false;
+};
+
+}  // namespace raymill::storage
