@@ -1,0 +1,208 @@
+#include "server/job_runner.h"
+
+#include <algorithm>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "server/limits.h"
+#include "storage/base/checksum.h"
+
+namespace raymill::server {
+
+namespace {
+
+/// The rays of a frame. ZeroMQ promises no alignment: where there is none, `copy` holds them.
+std::span<const Ray> rays_of(const Frame& frame, std::vector<Ray>& copy) {
+  const std::size_t count = frame.size() / sizeof(Ray);
+  if (reinterpret_cast<std::uintptr_t>(frame.data()) % alignof(Ray) == 0) {
+    return {static_cast<const Ray*>(frame.data()), count};
+  }
+  copy.resize(count);
+  std::memcpy(copy.data(), frame.data(), count * sizeof(Ray));
+  return copy;
+}
+
+Status cancelled_status() { return {ErrorCode::cancelled, "the job was cancelled"}; }
+
+}  // namespace
+
+JobRunner::JobRunner(JobSpec spec, StoreTable& stores, const Spool& spool, EventQueue& events)
+    : spec_(std::move(spec)), stores_(stores), spool_(spool), events_(events), rows_limit_(spec_.rows_limit) {
+  result_thread_ = std::thread([this] { run(); });
+}
+
+JobRunner::~JobRunner() {
+  cancel();
+  result_thread_.join();
+}
+
+void JobRunner::offer(Frame rays) {
+  {
+    const std::lock_guard lock(mutex_);
+    chunks_.push_back(std::move(rays));
+  }
+  changed_.notify_all();
+}
+
+void JobRunner::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    finished_ = true;
+  }
+  changed_.notify_all();
+}
+
+void JobRunner::accept_rows(std::uint64_t limit) {
+  {
+    const std::lock_guard lock(mutex_);
+    rows_limit_ = std::max(rows_limit_, limit);
+  }
+  changed_.notify_all();
+}
+
+void JobRunner::cancel() {
+  {
+    const std::lock_guard lock(mutex_);
+    cancelled_ = true;
+    chunks_.clear();
+    if (job_ != nullptr) {
+      job_->cancel();
+    }
+  }
+  changed_.notify_all();
+}
+
+void JobRunner::run() {
+  RunEnded end;
+  end.status = trace(end.stats);
+  end.total_rows = rays_done();
+  stores_.release(spec_.store);
+  post(std::move(end));
+}
+
+Status JobRunner::trace(JobStats& stats) {
+  RAYMILL_ASSIGN_OR_RETURN(const std::shared_ptr<Store> store, stores_.open(spec_.store));
+  RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, store->trace(spec_.trace));
+  {
+    const std::lock_guard lock(mutex_);
+    if (cancelled_) {
+      return cancelled_status();
+    }
+    job_ = job.get();
+  }
+  post(RunStarted{});
+  std::thread push_thread([this, &job] { push_chunks(*job); });
+  Status status = take_results(*job);
+  {
+    const std::lock_guard lock(mutex_);
+    if (!push_status_.ok()) {
+      status = push_status_;
+    }
+    cancelled_ = true;  // the push thread has nothing left to wait for
+    job_ = nullptr;
+  }
+  changed_.notify_all();
+  if (!status.ok()) {
+    job->cancel();
+  }
+  push_thread.join();
+  stats = job->stats();
+  return status;
+}
+
+void JobRunner::push_chunks(Job& job) {
+  std::vector<Ray> copy;
+  while (true) {
+    std::optional<Frame> chunk;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return cancelled_ || finished_ || !chunks_.empty(); });
+      if (cancelled_) {
+        return;
+      }
+      if (!chunks_.empty()) {
+        chunk.emplace(std::move(chunks_.front()));
+        chunks_.pop_front();
+      }
+    }
+    const Status status = chunk ? job.push(rays_of(*chunk, copy)) : job.finish();
+    if (!status.ok()) {
+      fail_push(job, status);
+      return;
+    }
+    if (!chunk) {
+      return;
+    }
+    chunk.reset();  // before its place is given to the next one
+    post(ChunkTaken{});
+  }
+}
+
+void JobRunner::fail_push(Job& job, const Status& status) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!cancelled_) {
+      push_status_ = status;
+      cancelled_ = true;  // the result thread may be waiting for a client that waits for this
+    }
+  }
+  changed_.notify_all();
+  job.cancel();
+}
+
+Status JobRunner::take_results(Job& job) {
+  std::optional<SpoolWriter> spool;
+  if (spec_.detached) {
+    RAYMILL_ASSIGN_OR_RETURN(SpoolWriter writer, spool_.write(spec_.id));
+    spool.emplace(std::move(writer));
+  }
+  while (true) {
+    if (!spool) {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return cancelled_ || messages_sent_ < rows_limit_; });
+    }
+    std::optional<HitChunk> chunk = job.next();
+    if (!chunk) {
+      break;
+    }
+    RAYMILL_RETURN_IF_ERROR(spool ? spool->append(chunk->rows()) : send_rows(*chunk));
+    rays_done_.fetch_add(chunk->size(), std::memory_order_relaxed);
+  }
+  RAYMILL_RETURN_IF_ERROR(job.status());
+  {
+    const std::lock_guard lock(mutex_);
+    if (cancelled_) {
+      return cancelled_status();
+    }
+  }
+  return spool ? spool->commit() : Status();
+}
+
+Status JobRunner::send_rows(const HitChunk& chunk) {
+  const std::size_t row_bytes = chunk.layout().row_bytes();
+  for (std::size_t row = 0; row < chunk.size();) {
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return cancelled_ || messages_sent_ < rows_limit_; });
+      if (cancelled_) {
+        return cancelled_status();
+      }
+    }
+    // Copied, so that the engine has its memory back at once: how long a client takes is not its business.
+    const std::size_t count = std::min<std::size_t>(chunk.size() - row, spec_.chunk_rays);
+    const auto bytes = chunk.rows().subspan(row * row_bytes, count * row_bytes);
+    RowsReady rows{.index = messages_sent_++,
+                   .first_ray = chunk.first_ray() + row,
+                   .rows = count,
+                   .checksum = storage::checksum(bytes),
+                   .frame = Frame(bytes.data(), bytes.size())};
+    post(std::move(rows));
+    row += count;
+  }
+  return {};
+}
+
+}  // namespace raymill::server

@@ -1,0 +1,158 @@
+// Values between the library and the wire.
+#include <algorithm>
+
+#include "server/limits.h"
+#include "server/wire.h"
+
+namespace raymill::server {
+
+pb::Query to_wire(Query query) { return query == Query::any ? pb::QUERY_ANY : pb::QUERY_CLOSEST; }
+pb::Mode to_wire(Mode mode) { return mode == Mode::fast ? pb::MODE_FAST : pb::MODE_WATERTIGHT; }
+Query from_wire(pb::Query query) { return query == pb::QUERY_ANY ? Query::any : Query::closest; }
+Mode from_wire(pb::Mode mode) { return mode == pb::MODE_FAST ? Mode::fast : Mode::watertight; }
+
+TraceConfig to_trace_config(const pb::StartJob& start) {
+  return {.query = from_wire(start.query()), .mode = from_wire(start.mode()), .fields = Field(start.fields())};
+}
+
+pb::JobStats to_wire(const JobStats& stats) {
+  pb::JobStats wire;
+  wire.set_rays(stats.rays);
+  wire.set_hits(stats.hits);
+  wire.set_invalid(stats.invalid);
+  wire.set_pages_read(stats.pages_read);
+  wire.set_bytes_read(stats.bytes_read);
+  wire.set_distinct_pages(stats.distinct_pages);
+  wire.set_nodes_visited(stats.nodes_visited);
+  wire.set_triangles_tested(stats.triangles_tested);
+  wire.set_rays_parked(stats.rays_parked);
+  wire.set_result_spill_bytes(stats.result_spill_bytes);
+  wire.set_trace_seconds(stats.trace_seconds);
+  wire.set_peak_rss_bytes(stats.peak_rss_bytes);
+  wire.set_isa(utf8_or_question_marks(stats.isa));
+  wire.set_kernel(utf8_or_question_marks(stats.kernel));
+  wire.set_io(utf8_or_question_marks(stats.io));
+  return wire;
+}
+
+JobStats from_wire(const pb::JobStats& wire) {
+  JobStats stats;
+  stats.rays = wire.rays();
+  stats.hits = wire.hits();
+  stats.invalid = wire.invalid();
+  stats.pages_read = wire.pages_read();
+  stats.bytes_read = wire.bytes_read();
+  stats.distinct_pages = wire.distinct_pages();
+  stats.nodes_visited = wire.nodes_visited();
+  stats.triangles_tested = wire.triangles_tested();
+  stats.rays_parked = wire.rays_parked();
+  stats.result_spill_bytes = wire.result_spill_bytes();
+  stats.trace_seconds = wire.trace_seconds();
+  stats.peak_rss_bytes = wire.peak_rss_bytes();
+  stats.isa = wire.isa();
+  stats.kernel = wire.kernel();
+  stats.io = wire.io();
+  return stats;
+}
+
+pb::StoreDescription to_wire(const StoreInfo& info) {
+  pb::StoreDescription wire;
+  wire.set_name(utf8_or_question_marks(info.name));
+  wire.set_format_version(info.format_version);
+  for (const std::string& feature : info.features) {
+    wire.add_features(utf8_or_question_marks(feature));
+  }
+  for (const float bound : info.bounds_min) {
+    wire.add_bounds(bound);
+  }
+  for (const float bound : info.bounds_max) {
+    wire.add_bounds(bound);
+  }
+  wire.set_triangles(info.triangles);
+  wire.set_nodes(info.nodes);
+  wire.set_pages(info.pages);
+  wire.set_geometries(info.geometries);
+  wire.set_levels(info.levels);
+  wire.set_page_bytes(info.page_bytes);
+  wire.set_store_bytes(info.store_bytes);
+  wire.set_decoded_bytes(info.decoded_bytes);
+  wire.set_least_memory_bytes(info.least_memory_bytes);
+  wire.set_codec(utf8_or_question_marks(info.codec));
+  wire.set_width(info.width);
+  wire.set_positions(utf8_or_question_marks(info.positions));
+  return wire;
+}
+
+StoreInfo from_wire(const pb::StoreDescription& wire, std::string_view metadata) {
+  StoreInfo info;
+  info.name = wire.name();
+  info.format_version = wire.format_version();
+  info.features.assign(wire.features().begin(), wire.features().end());
+  for (int axis = 0; axis < 3 && wire.bounds_size() == 6; ++axis) {
+    info.bounds_min[static_cast<std::size_t>(axis)] = wire.bounds(axis);
+    info.bounds_max[static_cast<std::size_t>(axis)] = wire.bounds(axis + 3);
+  }
+  info.triangles = wire.triangles();
+  info.nodes = wire.nodes();
+  info.pages = wire.pages();
+  info.geometries = wire.geometries();
+  info.levels = wire.levels();
+  info.page_bytes = wire.page_bytes();
+  info.store_bytes = wire.store_bytes();
+  info.decoded_bytes = wire.decoded_bytes();
+  info.least_memory_bytes = wire.least_memory_bytes();
+  info.codec = wire.codec();
+  info.width = wire.width();
+  info.positions = wire.positions();
+  info.metadata_json = metadata;
+  return info;
+}
+
+Status status_from_wire(std::uint32_t code, std::string_view message) {
+  if (code == 0) {
+    return {};
+  }
+  const bool known = code <= 0xFFFF && to_string(ErrorCode(code)) != "unknown";
+  return {known ? ErrorCode(code) : ErrorCode::internal, cut_sentence(message)};
+}
+
+std::string cut_sentence(std::string_view sentence) {
+  std::size_t size = std::min(sentence.size(), kMostSentenceBytes);
+  // Back to the first byte of a character: the others are 10xxxxxx.
+  while (size < sentence.size() && size > 0 && (static_cast<unsigned char>(sentence[size]) & 0xC0u) == 0x80u) {
+    --size;
+  }
+  return utf8_or_question_marks(sentence.substr(0, size));
+}
+
+std::string utf8_or_question_marks(std::string_view text) {
+  std::string out;
+  out.reserve(text.size());
+  for (std::size_t i = 0; i < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[i]);
+    // Length by the lead byte; C0, C1 and F5 on never occur, overlong and surrogate forms are rare enough to let a
+    // strict second byte decide: E0 needs A0 on, ED below A0, F0 90 on, F4 below 90.
+    const std::size_t length = lead < 0x80                    ? 1
+                               : lead >= 0xC2 && lead <= 0xDF ? 2
+                               : (lead & 0xF0u) == 0xE0       ? 3
+                               : lead >= 0xF0 && lead <= 0xF4 ? 4
+                                                              : 0;
+    bool good = length != 0 && i + length <= text.size();
+    for (std::size_t k = 1; good && k < length; ++k) {
+      const auto byte = static_cast<unsigned char>(text[i + k]);
+      const unsigned char low = k > 1 ? 0x80 : lead == 0xE0 ? 0xA0 : lead == 0xF0 ? 0x90 : 0x80;
+      const unsigned char high = k > 1 ? 0xBF : lead == 0xED ? 0x9F : lead == 0xF4 ? 0x8F : 0xBF;
+      good = byte >= low && byte <= high;
+    }
+    if (good) {
+      out.append(text, i, length);
+      i += length;
+    } else {
+      out.push_back('?');
+      ++i;
+    }
+  }
+  return out;
+}
+
+}  // namespace raymill::server
