@@ -1,0 +1,139 @@
+#include "client/cli/batch.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "client/cli/interrupt.h"
+
+namespace raymill::client {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kWatchPeriod = std::chrono::milliseconds(100);
+// Rays of one push where the source has them all: a signal is seen between two pushes.
+constexpr std::size_t kSliceRays = 32 << 10;
+
+double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+
+Status push_all(Job& job, const RaySource& source, double& seconds, Status& job_error) {
+  while (true) {
+    const auto begin = Clock::now();
+    const auto rays = source();
+    seconds += seconds_since(begin);
+    if (!rays) {
+      return rays.status();
+    }
+    job_error = rays->empty() ? job.finish() : job.push(*rays);
+    if (rays->empty() || !job_error.ok()) {
+      return {};
+    }
+  }
+}
+
+// Watches for a signal and reports progress until it is stopped.
+class Watcher {
+ public:
+  Watcher(Job& job, const BatchObserver& observer) : job_(job), observer_(observer), thread_([this] { run(); }) {}
+  Watcher(const Watcher&) = delete;
+  Watcher& operator=(const Watcher&) = delete;
+  ~Watcher() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopped_ = true;
+    }
+    condition_.notify_one();
+    thread_.join();
+  }
+
+ private:
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (!condition_.wait_for(lock, kWatchPeriod, [this] { return stopped_; })) {
+      if (interrupted()) {
+        job_.cancel();
+        return;
+      }
+      if (observer_) {
+        observer_(job_.progress());
+      }
+    }
+  }
+
+  Job& job_;
+  const BatchObserver& observer_;
+  std::mutex mutex_;
+  std::condition_variable condition_;
+  bool stopped_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
+                 BatchTimes& times) {
+  Status source_error, push_error, sink_error;
+  double input_seconds = 0;
+  {
+    const Watcher watcher(job, observer);
+    std::thread pusher([&] {
+      source_error = push_all(job, source, input_seconds, push_error);
+      if (!source_error.ok()) {
+        job.cancel();
+      }
+    });
+    while (auto chunk = job.next()) {
+      const auto begin = Clock::now();
+      sink_error = sink(*chunk);
+      times.output_seconds += seconds_since(begin);
+      if (!sink_error.ok()) {
+        job.cancel();
+        break;
+      }
+    }
+    pusher.join();
+  }
+  times.input_seconds += input_seconds;
+  if (interrupted()) {
+    job.cancel();
+    return interrupted_status();
+  }
+  for (const Status& status : {source_error, sink_error, job.status(), push_error}) {
+    if (!status.ok()) {
+      return status;
+    }
+  }
+  if (observer) {
+    observer(job.progress());
+  }
+  return {};
+}
+
+RaySource source_of(std::span<const Ray> rays) {
+  return [rest = rays]() mutable -> Result<std::span<const Ray>> {
+    const auto slice = rest.first(std::min(rest.size(), kSliceRays));
+    rest = rest.subspan(slice.size());
+    return slice;
+  };
+}
+
+void RunStats::add(const JobStats& stats) {
+  const JobStats before = total_;
+  total_ = stats;
+  total_.rays += before.rays;
+  total_.hits += before.hits;
+  total_.invalid += before.invalid;
+  total_.nodes_visited += before.nodes_visited;
+  total_.triangles_tested += before.triangles_tested;
+  total_.rays_parked += before.rays_parked;
+  total_.result_spill_bytes += before.result_spill_bytes;
+  total_.trace_seconds += before.trace_seconds;
+  total_.peak_rss_bytes = std::max(total_.peak_rss_bytes, before.peak_rss_bytes);
+}
+
+}  // namespace raymill::client

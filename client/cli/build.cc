@@ -1,0 +1,81 @@
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "client/cli/interrupt.h"
+#include "client/cli/options.h"
+#include "client/cli/verbs.h"
+#include "client/cpp/raymill.h"
+
+namespace raymill::client {
+
+namespace {
+
+struct Options {
+  BuildConfig config;
+  std::uint64_t page_bytes = BuildConfig().page_bytes;
+  std::string progress;
+  bool json = false;
+};
+
+Status run(Options& options) {
+  RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
+  if (options.page_bytes > UINT32_MAX) {
+    return {ErrorCode::invalid_argument, "--page-size goes from 16K to 1M"};
+  }
+  options.config.page_bytes = static_cast<std::uint32_t>(options.page_bytes);
+  std::optional<Progress> progress(style);
+  options.config.progress = [&](const char* phase, double fraction) {
+    progress->report(phase, fraction);
+    return !interrupted();
+  };
+  const auto report = build(options.config);
+  progress.reset();
+  if (!report) {
+    return interrupted() ? interrupted_status() : report.status();
+  }
+  return options.json ? print_json(build_json(*report, options.config.output))
+                      : print(build_text(*report, options.config.output));
+}
+
+}  // namespace
+
+Verb add_build(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("build", "Make a scene store from glTF files");
+  verb->footer(
+      "\nReads .gltf and .glb files (Draco too), flattens their nodes to world space and writes one store. The store "
+      "is\n"
+      "written under a temporary name and renamed when whole. The same scenes give the same bytes.\n\n"
+      "  raymill build city.gltf -o city.mill --memory 1G");
+  verb->add_option("SCENE", options->config.scenes, ".gltf or .glb files; geometry ids number on from file to file")
+      ->required()
+      ->type_name("");
+  verb->add_option("-o,--output", options->config.output, "The store to write")->required()->type_name("X.mill");
+  add_parsed(*verb, "--memory", options->config.memory, parse_bytes,
+             "Limit of the whole process: bytes, or with K, M, G, T. Default 2G", "SIZE");
+  verb->add_option("--positions", options->config.positions,
+                   "float32 (exact), lattice:STEP (scene units, rounded down to a power of two) or lattice:BITSb")
+      ->type_name("KIND")
+      ->capture_default_str();
+  verb->add_option("--codec", options->config.codec, "raw, lz4, zstd, or draco (smallest, needs a lattice)")
+      ->type_name("NAME")
+      ->capture_default_str();
+  verb->add_option("--width", options->config.width, "Children of a node: 4 or 8")
+      ->type_name("N")
+      ->check(CLI::IsMember({4, 8}))
+      ->capture_default_str();
+  add_parsed(*verb, "--page-size", options->page_bytes, parse_bytes, "Limit of a decoded page, 16K to 1M. Default 64K",
+             "SIZE");
+  verb->add_option("--threads", options->config.threads, "Threads; 0: one for each core")
+      ->type_name("N")
+      ->capture_default_str();
+  verb->add_option("--scene", options->config.scene_index, "Index of the glTF scene; left out: the file's default")
+      ->type_name("I");
+  add_progress_option(*verb, options->progress);
+  add_json_flag(*verb, options->json);
+  return {verb, [options] { return run(*options); }};
+}
+
+}  // namespace raymill::client

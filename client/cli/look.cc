@@ -1,0 +1,87 @@
+// info, verify, inspect: looking into stores. Nothing here writes.
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "client/cli/options.h"
+#include "client/cli/verbs.h"
+#include "client/cpp/raymill.h"
+
+namespace raymill::client {
+
+namespace {
+
+struct Options {
+  std::string store;
+  std::uint32_t page = 0;
+  bool json = false;
+  ServiceOptions service;
+};
+
+std::shared_ptr<Options> add_common(CLI::App& verb) {
+  auto options = std::make_shared<Options>();
+  verb.add_option("STORE", options->store, "The store")->required()->type_name("X.mill");
+  return options;
+}
+
+Status info(const Options& options) {
+  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
+  RAYMILL_ASSIGN_OR_RETURN(const StoreInfo store, open.store->info());
+  return options.json ? print_json(info_json(store)) : print(info_text(store));
+}
+
+Status verify_store(const Options& options) {
+  RAYMILL_ASSIGN_OR_RETURN(const VerifyReport report, verify(options.store));
+  if (options.json) {
+    return print_json({{"store", options.store},
+                       {"ok", true},
+                       {"pages", report.pages},
+                       {"bytes", report.bytes},
+                       {"triangles", report.triangles}});
+  }
+  return print(options.store + ": whole, " + std::to_string(report.pages) + " pages, " +
+               std::to_string(report.triangles) + " triangles, " + storage::format_bytes(report.bytes) + "\n");
+}
+
+Status inspect(const Options& options) {
+  RAYMILL_ASSIGN_OR_RETURN(const std::string text, inspect_page(options.store, options.page));
+  return print(text + "\n");
+}
+
+}  // namespace
+
+Verb add_info(CLI::App& app) {
+  CLI::App* verb = app.add_subcommand("info", "Say what a store holds");
+  verb->footer(
+      "\nShows bounds, triangles, pages, sizes in bytes, the least --memory it can be traced under, and cameras;\n"
+      "with --json also the import report and each geometry's node, mesh and primitive.");
+  const auto options = add_common(*verb);
+  verb->add_option("--server", options->service.server, "Ask this server (ipc://PATH or tcp://HOST:PORT)")
+      ->type_name("ADDR");
+  verb->add_option("--threads", options->service.threads, "Threads that least_memory_bytes is said for; 0: all cores")
+      ->type_name("N");
+  add_json_flag(*verb, options->json);
+  return {verb, [options] { return info(*options); }};
+}
+
+Verb add_verify(CLI::App& app) {
+  CLI::App* verb = app.add_subcommand("verify", "Check every byte of a store");
+  verb->footer(
+      "\nReads the whole store and checks every checksum, every rule of its structure, and that every box holds\n"
+      "its triangles. Exit code 42 and one sentence where something is wrong.");
+  const auto options = add_common(*verb);
+  add_json_flag(*verb, options->json);
+  return {verb, [options] { return verify_store(*options); }};
+}
+
+Verb add_inspect(CLI::App& app) {
+  CLI::App* verb = app.add_subcommand("inspect", "Show a page of a store as JSON");
+  verb->footer("\nDecodes as far as the bytes allow, also in a damaged store.");
+  const auto options = add_common(*verb);
+  verb->add_option("--page", options->page, "Index of the page")->required()->type_name("N");
+  verb->add_flag("--json", options->json, "Print JSON (always so)");
+  return {verb, [options] { return inspect(*options); }};
+}
+
+}  // namespace raymill::client

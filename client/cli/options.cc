@@ -1,0 +1,123 @@
+#include "client/cli/options.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "client/cpp/raymill.h"
+#include "storage/base/atomic_file.h"
+
+namespace raymill::client {
+
+void ServiceOptions::add_to(CLI::App& app) {
+  add_parsed(app, "--memory", memory, parse_bytes,
+             "Limit of the whole process: bytes, or with K, M, G, T (powers of 1024). Default 2G", "SIZE");
+  app.add_option("--threads", threads, "Threads that trace; 0: one for each core")
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--isa", isa, "Instruction set: scalar or avx2; left out: the best this machine has")
+      ->type_name("ISA");
+  app.add_option("--server", server, "Trace on this server instead (ipc://PATH or tcp://HOST:PORT)")->type_name("ADDR");
+  app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
+}
+
+unsigned ServiceOptions::thread_count() const {
+  return threads > 0 ? threads : std::max(1U, std::thread::hardware_concurrency());
+}
+
+Result<OpenStore> open_store(const ServiceOptions& options, const std::string& name) {
+  const auto begin = std::chrono::steady_clock::now();
+  OpenStore open;
+  if (options.server.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(
+        open.service, Engine::create({.memory = options.memory, .threads = options.threads, .isa = options.isa}));
+  } else {
+    RAYMILL_ASSIGN_OR_RETURN(open.service, Client::connect({.address = options.server}));
+  }
+  RAYMILL_ASSIGN_OR_RETURN(open.store, open.service->open(name));
+  open.open_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return open;
+}
+
+void QueryOptions::add_to(CLI::App& app) {
+  add_parsed(
+      app, "--query", config.query,
+      [](const std::string& text) -> Result<Query> {
+        if (text == "all" || text == "count") {
+          return Status(ErrorCode::unsupported, "'" + text + "' is not answered by this version; closest and any are");
+        }
+        return parse_query(text);
+      },
+      "closest: the nearest hit (default). any: whether there is one", "QUERY");
+  add_parsed(app, "--mode", config.mode, parse_mode,
+             "watertight: no ray passes between triangles that share an edge (default). fast: float32 only", "MODE");
+  add_parsed(app, "--fields", fields_, parse_fields,
+             "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all. "
+             "Default: t,uv,primitive_id,geometry_id; for --query any: t",
+             "LIST");
+}
+
+Status QueryOptions::resolve() {
+  if (config.query == Query::any) {
+    if (fields_ != Field::none && fields_ != Field::t) {
+      return {ErrorCode::invalid_argument, "--query any answers only t (0: hit, inf: none); leave --fields out"};
+    }
+    config.fields = Field::t;
+  } else {
+    config.fields = fields_ == Field::none ? kDefaultClosestFields : fields_;
+  }
+  return {};
+}
+
+void add_json_flag(CLI::App& app, bool& json) { app.add_flag("--json", json, "Print JSON"); }
+
+void add_progress_option(CLI::App& app, std::string& style) {
+  app.add_option(
+         "--progress", style,
+         "Progress on stdout: alf (Tractor), openjd (Open Job Description), json (a line each), none. Left out: "
+         "a bar on stderr where that is a terminal")
+      ->type_name("STYLE")
+      ->check(CLI::IsMember({"alf", "openjd", "json", "none"}));
+}
+
+Status print(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) {
+    return {};
+  }
+  if (errno == EPIPE) {
+    return {};
+  }
+  return {errno == ENOSPC ? ErrorCode::disk_full : ErrorCode::io,
+          std::string("cannot write to standard output: ") + std::strerror(errno)};
+}
+
+Status print_json(const nlohmann::json& object) { return print(object.dump(2) + "\n"); }
+
+Status write_stats(const ServiceOptions& options, const JobStats& stats, const RunTimes& times) {
+  if (options.stats_path.empty()) {
+    return {};
+  }
+  RAYMILL_ASSIGN_OR_RETURN(auto file, storage::AtomicFile::create(options.stats_path));
+  const std::string text = stats_json(stats, times, options.memory, options.thread_count()).dump(2) + "\n";
+  RAYMILL_RETURN_IF_ERROR(file.write(std::as_bytes(std::span(text))));
+  return file.commit();
+}
+
+JobStats with_peak(JobStats stats, const ServiceOptions& options) {
+  if (options.server.empty()) {
+    stats.peak_rss_bytes = storage::peak_resident_bytes();
+  }
+  return stats;
+}
+
+std::size_t buffer_rays(std::uint64_t memory_bytes) {
+  constexpr std::uint64_t kMost = 32 << 10, kLeast = 1 << 10;
+  // At most a 256th of the budget.
+  return static_cast<std::size_t>(std::clamp(memory_bytes / 256 / sizeof(Ray), kLeast, kMost));
+}
+
+}  // namespace raymill::client

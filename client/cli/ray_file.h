@@ -1,0 +1,69 @@
+// Ray files: .npy of float32 or float64, C order, shape (N, 6) as Open3D (org, dir; tnear 0, tfar +inf) or (N, 8) as
+// OptiX (org, tnear, dir, tfar). float64 is rounded to float32 as it is read. Both ways are streamed: a file of any
+// size passes through a buffer of 64 KiB.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "storage/base/atomic_file.h"
+#include "storage/base/status.h"
+#include "traversal/query.h"
+
+namespace raymill::client {
+
+/// Thread-confined.
+class RayFileReader {
+ public:
+  /// Checks header and file size. Errors: not_found, io, bad_rays (a sentence that says what was found).
+  static Result<RayFileReader> open(const std::string& path);
+  RayFileReader(RayFileReader&& other) noexcept;
+  RayFileReader& operator=(RayFileReader&& other) noexcept;
+  ~RayFileReader();
+
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+  /// The next rays, at most rays.size(); returns how many, 0 at the end. Errors: io, bad_rays (the file shrank).
+  Result<std::size_t> read(std::span<Ray> rays);
+
+ private:
+  RayFileReader() = default;
+
+  std::string path_;
+  int descriptor_ = -1;
+  std::uint64_t count_ = 0;
+  std::uint64_t next_ = 0;
+  std::uint64_t data_offset_ = 0;
+  unsigned columns_ = 0;
+  unsigned value_bytes_ = 0;
+  std::vector<std::byte> buffer_;
+};
+
+/// Writes a (count, 8) float32 ray file. Thread-confined.
+class RayFileWriter {
+ public:
+  /// `shuffle_seed` not null: ray i goes to a place that a permutation of [0, count) chosen by the seed gives it.
+  static Result<RayFileWriter> create(const std::string& path, std::uint64_t count, const std::uint64_t* shuffle_seed);
+  /// Appends rays in order; more than `count` in all is a mistake of the caller. Errors: disk_full, io.
+  Status append(std::span<const Ray> rays);
+  /// Gives the file its name; needs exactly `count` rays appended.
+  Status commit();
+  [[nodiscard]] std::uint64_t missing() const { return count_ - written_; }
+
+ private:
+  RayFileWriter(storage::AtomicFile file, std::uint64_t count) : file_(std::move(file)), count_(count) {}
+  Status flush();
+
+  storage::AtomicFile file_;
+  std::vector<Ray> buffer_;  ///< in order only
+  std::uint64_t count_ = 0;
+  std::uint64_t written_ = 0;
+  std::uint64_t data_offset_ = 0;
+  bool shuffled_ = false;
+  std::uint64_t seed_ = 0;
+};
+
+}  // namespace raymill::client

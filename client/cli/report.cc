@@ -1,0 +1,180 @@
+#include "client/cli/report.h"
+
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace raymill::client {
+
+namespace {
+
+using nlohmann::json;
+using storage::format_bytes;
+
+std::string formatted(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+double rate(std::uint64_t count, double seconds) { return seconds > 0 ? static_cast<double>(count) / seconds : 0; }
+
+// Text that another part of Raymill wrote as JSON; a part that cannot be read becomes null.
+json parsed(const std::string& text) { return text.empty() ? json() : json::parse(text, nullptr, false); }
+
+std::string line(const char* name, const std::string& value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%-14s", name);
+  return text + value + "\n";
+}
+
+std::string point(const std::array<float, 3>& p) {
+  char text[96];
+  std::snprintf(text, sizeof text, "(%g, %g, %g)", double(p[0]), double(p[1]), double(p[2]));
+  return text;
+}
+
+}  // namespace
+
+json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memory_bytes, unsigned threads) {
+  return {{"rays", stats.rays},
+          {"hits", stats.hits},
+          {"invalid", stats.invalid},
+          {"seconds",
+           {{"open", times.open_seconds},
+            {"input", times.input_seconds},
+            {"trace", stats.trace_seconds},
+            {"output", times.output_seconds}}},
+          {"rays_per_second", rate(stats.rays, stats.trace_seconds)},
+          {"pages_read", stats.pages_read},
+          {"bytes_read", stats.bytes_read},
+          {"distinct_pages", stats.distinct_pages},
+          {"peak_rss_bytes", stats.peak_rss_bytes},
+          {"isa", stats.isa},
+          {"kernel", stats.kernel},
+          {"io", stats.io},
+          {"nodes_visited", stats.nodes_visited},
+          {"triangles_tested", stats.triangles_tested},
+          {"rays_parked", stats.rays_parked},
+          {"result_spill_bytes", stats.result_spill_bytes},
+          {"memory_bytes", memory_bytes},
+          {"threads", threads}};
+}
+
+std::string stats_text(const JobStats& stats) {
+  std::string text = std::to_string(stats.rays) + " rays, " + std::to_string(stats.hits) + " hits";
+  if (stats.invalid > 0) {
+    text += ", " + std::to_string(stats.invalid) + " invalid";
+  }
+  return text + ", " + formatted("%.2f s", stats.trace_seconds) + " (" +
+         formatted("%.3f M rays/s", rate(stats.rays, stats.trace_seconds) / 1e6) + "), " +
+         std::to_string(stats.pages_read) + " pages read (" + format_bytes(stats.bytes_read) + "), peak " +
+         format_bytes(stats.peak_rss_bytes) + "\n";
+}
+
+json info_json(const StoreInfo& info) {
+  json object = {{"format_version", info.format_version},
+                 {"features", info.features},
+                 {"bounds", {{"min", info.bounds_min}, {"max", info.bounds_max}}},
+                 {"triangles", info.triangles},
+                 {"nodes", info.nodes},
+                 {"pages", info.pages},
+                 {"store_bytes", info.store_bytes},
+                 {"decoded_bytes", info.decoded_bytes},
+                 {"least_memory_bytes", info.least_memory_bytes},
+                 {"codec", info.codec},
+                 {"width", info.width},
+                 {"positions", info.positions},
+                 {"page_bytes", info.page_bytes},
+                 {"levels", info.levels}};
+  const json metadata = parsed(info.metadata_json);
+  for (const char* key : {"import", "geometries", "cameras"}) {
+    object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
+  }
+  return object;
+}
+
+std::string info_text(const StoreInfo& info) {
+  std::string features;
+  for (const std::string& feature : info.features) {
+    features += (features.empty() ? "" : ", ") + feature;
+  }
+  const double triangles = info.triangles > 0 ? static_cast<double>(info.triangles) : 1;
+  std::string text =
+      line("format", std::to_string(info.format_version)) + line("features", features.empty() ? "none" : features) +
+      line("bounds", point(info.bounds_min) + " to " + point(info.bounds_max)) +
+      line("triangles", std::to_string(info.triangles) + " in " + std::to_string(info.geometries) + " geometries") +
+      line("nodes", std::to_string(info.nodes) + ", " + std::to_string(info.width) + " wide, " +
+                        std::to_string(info.levels) + " levels") +
+      line("pages", std::to_string(info.pages) + " of at most " + format_bytes(info.page_bytes)) +
+      line("positions", info.positions) + line("codec", info.codec) +
+      line("store", format_bytes(info.store_bytes) +
+                        formatted(" (%.2f B a triangle)", static_cast<double>(info.store_bytes) / triangles)) +
+      line("decoded", format_bytes(info.decoded_bytes) +
+                          formatted(" (%.2f B a triangle)", static_cast<double>(info.decoded_bytes) / triangles)) +
+      line("least memory", format_bytes(info.least_memory_bytes));
+  const json metadata = parsed(info.metadata_json);
+  if (metadata.is_object() && metadata.contains("cameras")) {
+    for (const json& camera : metadata["cameras"]) {
+      text += line("camera", camera.is_object() ? camera.value("name", "") : "");
+    }
+  }
+  return text;
+}
+
+json build_json(const BuildReport& report, const std::string& output) {
+  return {{"output", output},
+          {"triangles", report.triangles},
+          {"nodes", report.nodes},
+          {"pages", report.pages},
+          {"store_bytes", report.store_bytes},
+          {"decoded_bytes", report.decoded_bytes},
+          {"levels", report.levels},
+          {"sah_cost", report.sah_cost},
+          {"max_displacement", report.max_displacement},
+          {"seconds",
+           {{"import", report.import_seconds}, {"build", report.build_seconds}, {"write", report.write_seconds}}},
+          {"peak_rss_bytes", report.peak_rss_bytes},
+          {"import", parsed(report.import_json)}};
+}
+
+std::string build_text(const BuildReport& report, const std::string& output) {
+  const double triangles = report.triangles > 0 ? static_cast<double>(report.triangles) : 1;
+  std::string text = output + ": " + std::to_string(report.triangles) + " triangles, " + std::to_string(report.pages) +
+                     " pages, " + format_bytes(report.store_bytes) +
+                     formatted(" (%.2f B a triangle)", static_cast<double>(report.store_bytes) / triangles) +
+                     formatted(", %.2f s", report.import_seconds + report.build_seconds + report.write_seconds) +
+                     ", peak " + format_bytes(report.peak_rss_bytes) + "\n";
+  if (report.max_displacement > 0) {
+    text += formatted("largest displacement of a vertex: %g scene units\n", report.max_displacement);
+  }
+  const json import = parsed(report.import_json);
+  if (import.is_object() && import.contains("counts")) {
+    for (const auto& [name, entry] : import["counts"].items()) {
+      text += line(name.c_str(), " " + (entry.is_object() ? entry.value("count", json(0)).dump() : entry.dump()));
+    }
+  }
+  return text;
+}
+
+json job_json(const JobInfo& job) {
+  return {{"id", job.id},
+          {"store", job.store},
+          {"state", to_string(job.state)},
+          {"query", to_string(job.query)},
+          {"mode", to_string(job.mode)},
+          {"fields", to_string(job.fields)},
+          {"rays", job.rays},
+          {"rays_done", job.rays_done},
+          {"detached", job.detached},
+          {"message", job.message}};
+}
+
+std::string job_text(const JobInfo& job) {
+  std::string text = job.id + "  " + std::string(to_string(job.state)) + "  " + job.store + "  " +
+                     std::string(to_string(job.query)) + "  " + std::to_string(job.rays_done) + "/" +
+                     std::to_string(job.rays) + " rays";
+  return text + (job.message.empty() ? "" : "  " + job.message) + "\n";
+}
+
+}  // namespace raymill::client

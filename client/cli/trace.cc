@@ -1,0 +1,95 @@
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "client/cli/batch.h"
+#include "client/cli/npy.h"
+#include "client/cli/options.h"
+#include "client/cli/ray_file.h"
+#include "client/cli/verbs.h"
+#include "storage/base/atomic_file.h"
+
+namespace raymill::client {
+
+namespace {
+
+struct Options {
+  std::string store;
+  std::string rays;
+  std::string output;
+  QueryOptions query;
+  ServiceOptions service;
+  std::string progress;
+  bool json = false;
+};
+
+Status run(Options& options) {
+  RAYMILL_RETURN_IF_ERROR(options.query.resolve());
+  RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
+  // Everything that needs memory comes before the engine, which counts what the process holds.
+  RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
+  std::vector<Ray> buffer(buffer_rays(options.service.memory));
+  const HitLayout layout(options.query.config.fields);
+  RAYMILL_ASSIGN_OR_RETURN(auto file, storage::AtomicFile::create(options.output));
+  const std::string header = npy_header(layout.numpy_descr(), reader.count(), 0);
+  RAYMILL_RETURN_IF_ERROR(file.write(std::as_bytes(std::span(header))));
+
+  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
+  RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open.store->trace(options.query.config));
+  std::optional<Progress> progress(style);
+  const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
+  std::uint64_t rows = 0;
+  BatchTimes times;
+  RAYMILL_RETURN_IF_ERROR(run_batch(
+      *job,
+      [&]() -> Result<std::span<const Ray>> {
+        RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(buffer));
+        return std::span<const Ray>(buffer).first(count);
+      },
+      [&](const HitChunk& chunk) {
+        rows += chunk.size();
+        return file.write(chunk.rows());
+      },
+      [&](const JobProgress& state) {
+        progress->report("trace", static_cast<double>(state.rays_done) / total, state.rays_done, "rays");
+      },
+      times));
+  if (rows != reader.count()) {
+    return {ErrorCode::internal,
+            "a bug of Raymill: " + std::to_string(rows) + " answers for " + std::to_string(reader.count()) + " rays"};
+  }
+  RAYMILL_RETURN_IF_ERROR(file.commit());
+  progress.reset();
+  const JobStats stats = with_peak(job->stats(), options.service);
+  const RunTimes run_times{open.open_seconds, times.input_seconds, times.output_seconds};
+  RAYMILL_RETURN_IF_ERROR(write_stats(options.service, stats, run_times));
+  return options.json ? print_json(stats_json(stats, run_times, options.service.memory, options.service.thread_count()))
+                      : print(stats_text(stats));
+}
+
+}  // namespace
+
+Verb add_trace(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("trace", "Answer a file of rays");
+  verb->footer(
+      "\nRays: .npy, little-endian float32 or float64 (rounded to float32), C order, shape (N, 6): org, dir, with "
+      "tnear 0\n"
+      "and tfar inf; or (N, 8): org, tnear, dir, tfar. t counts in lengths of dir; a hit has tnear <= t <= tfar.\n"
+      "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
+      "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any "
+      "size.\n\n"
+      "  raymill trace city.mill rays.npy -o hits.npy --memory 512M --stats run.json");
+  verb->add_option("STORE", options->store, "The store; with --server its name there")->required()->type_name("X.mill");
+  verb->add_option("RAYS", options->rays, "The rays")->required()->type_name("RAYS.npy");
+  verb->add_option("-o,--output", options->output, "The hits to write")->required()->type_name("HITS.npy");
+  options->query.add_to(*verb);
+  options->service.add_to(*verb);
+  add_progress_option(*verb, options->progress);
+  add_json_flag(*verb, options->json);
+  return {verb, [options] { return run(*options); }};
+}
+
+}  // namespace raymill::client
