@@ -79,7 +79,8 @@ class Server::Impl {
     socket_.set(zmq::sockopt::rcvhwm, kReceiveQueueMessages);
     socket_.set(zmq::sockopt::sndhwm, kSendQueueMessages);
     socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(made.plan.chunk_rays * sizeof(Ray)));
-    socket_.set(zmq::sockopt::ipv6, true);
+    // Only where asked for: an IPv6 socket shows 127.0.0.1 as [::ffff:127.0.0.1].
+    socket_.set(zmq::sockopt::ipv6, endpoint_.address().starts_with("tcp://["));
   }
 
   Status bind() {
