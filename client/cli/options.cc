@@ -33,8 +33,11 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
   const auto begin = std::chrono::steady_clock::now();
   OpenStore open;
   if (options.server.empty()) {
-    RAYMILL_ASSIGN_OR_RETURN(
-        open.service, Engine::create({.memory = options.memory, .threads = options.threads, .isa = options.isa}));
+    EngineConfig config;
+    config.memory = options.memory;
+    config.threads = options.threads;
+    config.isa = options.isa;
+    RAYMILL_ASSIGN_OR_RETURN(open.service, Engine::create(config));
   } else {
     RAYMILL_ASSIGN_OR_RETURN(open.service, Client::connect({.address = options.server}));
   }

@@ -18,10 +18,10 @@ enum class ProgressStyle : std::uint8_t { none, bar, alf, openjd, json };
 Result<ProgressStyle> parse_progress_style(std::string_view name);
 
 struct ProgressState {
-  std::string_view phase;  ///< "trace", "build", ...
-  double fraction = 0;     ///< in [0, 1]
-  std::uint64_t done = 0;  ///< of `unit`; 0 where nothing is counted
-  std::string_view unit;   ///< "rays"; empty where nothing is counted
+  std::string_view phase = {};  ///< "trace", "build", ...
+  double fraction = 0;          ///< in [0, 1]
+  std::uint64_t done = 0;       ///< of `unit`; 0 where nothing is counted
+  std::string_view unit = {};   ///< "rays"; empty where nothing is counted
   double elapsed_seconds = 0;
 };
 

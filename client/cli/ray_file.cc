@@ -43,12 +43,13 @@ Result<std::size_t> read_at(const std::string& path, int descriptor, std::uint64
   return done;
 }
 
+// As Python writes it: (3, 6), (18,).
 std::string shape_text(const std::vector<std::uint64_t>& shape) {
   std::string text = "(";
-  for (const std::uint64_t side : shape) {
-    text += std::to_string(side) + (shape.size() == 1 ? "," : &side == &shape.back() ? "" : ", ");
+  for (std::size_t i = 0; i < shape.size(); ++i) {
+    text += (i == 0 ? "" : ", ") + std::to_string(shape[i]);
   }
-  return text + ")";
+  return text + (shape.size() == 1 ? ",)" : ")");
 }
 
 template <typename T>
