@@ -169,9 +169,8 @@ Status GltfAccessor::read_sparse(const tinygltf::Model& model, Ledger& ledger) {
     }
     return ByteExtent{all.offset + start, bytes};
   };
-  RAYMILL_ASSIGN_OR_RETURN(const ByteExtent indices,
-                           extent(declared.indices.bufferView, declared.indices.byteOffset,
-                                  sparse_count * raymill::storage::size_bytes(*type), "indices"));
+  RAYMILL_ASSIGN_OR_RETURN(const ByteExtent indices, extent(declared.indices.bufferView, declared.indices.byteOffset,
+                                                            sparse_count * size_bytes(*type), "indices"));
   RAYMILL_ASSIGN_OR_RETURN(const ByteExtent values, extent(declared.values.bufferView, declared.values.byteOffset,
                                                            sparse_count * element_bytes(), "values"));
   Sparse sparse;
@@ -182,7 +181,7 @@ Status GltfAccessor::read_sparse(const tinygltf::Model& model, Ledger& ledger) {
       model.bufferViews[static_cast<std::size_t>(declared.indices.bufferView)].buffer, indices.offset, raw));
   sparse.indices.resize(sparse_count);
   for (std::size_t i = 0; i < sparse_count; ++i) {
-    const std::uint32_t index = load_index(raw.data() + i * raymill::storage::size_bytes(*type), *type);
+    const std::uint32_t index = load_index(raw.data() + i * size_bytes(*type), *type);
     if (index >= count_ || (i > 0 && index <= sparse.indices[i - 1])) {
       return bad_scene("accessors[", index_, "].sparse.indices holds ", index, " at ", i,
                        "; they must rise and stay below ", count_);

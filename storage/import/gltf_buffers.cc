@@ -117,6 +117,7 @@ Status GltfBuffers::decode(int buffer) {
   fresh.bytes = std::move(*bytes);
   decoded = std::move(fresh);
   declaration.uri = {};
+  declaration.uri_claim = {};
   return {};
 }
 

@@ -127,7 +127,7 @@ Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContai
   std::string text(container.json.size_bytes, '\0');
   RAYMILL_RETURN_IF_ERROR(file.read(container.json.offset, std::as_writable_bytes(std::span(text))));
 
-  RAYMILL_ASSIGN_OR_RETURN(const JsonMeasure measure, measure_json(text));
+  RAYMILL_ASSIGN_OR_RETURN(JsonMeasure measure, measure_json(text));
   RAYMILL_ASSIGN_OR_RETURN(document.claim_, ledger.claim(Tag::build, measure.tree_bytes()));
   RAYMILL_ASSIGN_OR_RETURN(json root, parse_json(text));
   text = {};
@@ -142,18 +142,21 @@ Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContai
   hide_indices(root);
   root.erase("skins");  // their number was needed, tinygltf wants more of them
 
-  // The normalised text and tinygltf's own tree stand beside ours for a while.
-  std::uint64_t buffers_bytes = 0;
+  // The data: URIs are out of our tree now and have claims of their own. What is left stands in memory three times for
+  // a while: our tree, its text, tinygltf's tree.
   for (const BufferDeclaration& buffer : document.buffers_) {
-    buffers_bytes += sizeof buffer + buffer.uri.capacity();
+    measure.string_bytes -= buffer.uri.size();
   }
-  const std::uint64_t kept_bytes = model_bytes(root, measure);
-  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes() * 3 + kept_bytes + buffers_bytes));
+  const std::uint64_t kept_bytes = model_bytes(root, measure) + document.buffers_.size() * sizeof(BufferDeclaration);
+  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes() * 3 + kept_bytes));
+  for (BufferDeclaration& buffer : document.buffers_) {
+    RAYMILL_ASSIGN_OR_RETURN(buffer.uri_claim, ledger.claim(Tag::build, buffer.uri.size()));
+  }
   text = root.dump();
   root = nullptr;
   RAYMILL_RETURN_IF_ERROR(parse_model(text, *document.model_));
   text = {};
-  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(kept_bytes + buffers_bytes));
+  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(kept_bytes));
   return document;
 }
 

@@ -28,6 +28,7 @@ struct BufferDeclaration {
   std::string uri;  ///< empty: the BIN chunk of a GLB, or no data
   std::uint64_t size_bytes = 0;
   bool meshopt_fallback = false;  ///< stands for data that only EXT_meshopt_compression gives
+  BudgetReservation uri_claim;    ///< for a data: URI, which may be megabytes
 };
 
 class GltfDocument {
@@ -41,7 +42,7 @@ class GltfDocument {
   ~GltfDocument();
 
   [[nodiscard]] const tinygltf::Model& model() const { return *model_; }
-  /// Moves the declarations out; they may hold megabytes of base64.
+  /// Moves the declarations out, with their claims.
   [[nodiscard]] std::vector<BufferDeclaration> take_buffers() { return std::move(buffers_); }
   /// Extensions in use that Raymill does not model: sorted, each once.
   [[nodiscard]] const std::vector<std::string>& ignored_extensions() const { return ignored_extensions_; }

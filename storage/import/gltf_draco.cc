@@ -6,6 +6,7 @@
 #include <draco/core/varint_decoding.h>
 #include <draco/metadata/metadata_decoder.h>
 
+#include <algorithm>
 #include <exception>
 #include <optional>
 #include <utility>

@@ -22,15 +22,26 @@ class Counter final : public nlohmann::json_sax<json> {
   bool number_integer(number_integer_t /*unused*/) override { return value(); }
   bool number_unsigned(number_unsigned_t /*unused*/) override { return value(); }
   bool number_float(number_float_t /*unused*/, const string_t& /*unused*/) override { return value(); }
-  bool string(string_t& text) override { return characters(text); }
+  bool string(string_t& text) override {
+    ++measure.blocks;
+    measure.string_bytes += text.size();
+    return value();
+  }
   bool binary(binary_t& /*unused*/) override { return value(); }
   bool start_object(std::size_t /*unused*/) override { return enter(); }
-  bool key(string_t& text) override { return characters(text); }
+  bool key(string_t& text) override {
+    ++measure.members;
+    measure.string_bytes += text.size();
+    return true;
+  }
   bool end_object() override { return leave(); }
   bool start_array(std::size_t /*unused*/) override { return enter(); }
   bool end_array() override { return leave(); }
-  bool parse_error(std::size_t position, const std::string& /*unused*/, const json::exception& /*unused*/) override {
-    error = bad_scene("the JSON text is broken at byte ", position, " of it");
+  bool parse_error(std::size_t position, const std::string& /*unused*/, const json::exception& problem) override {
+    constexpr int kNumberOverflow = 406;  // nlohmann's out_of_range
+    error = problem.id == kNumberOverflow
+                ? bad_scene("the JSON text holds a number beyond float64 before byte ", position)
+                : bad_scene("the JSON text is broken at byte ", position);
     return false;
   }
 
@@ -42,15 +53,12 @@ class Counter final : public nlohmann::json_sax<json> {
     ++measure.values;
     return true;
   }
-  bool characters(const string_t& text) {
-    measure.string_bytes += text.size();
-    return value();
-  }
   bool enter() {
     if (++depth_ > kDepthMax) {
       error = bad_scene("the JSON text is nested deeper than ", kDepthMax, " levels");
       return false;
     }
+    ++measure.blocks;
     return value();
   }
   bool leave() {

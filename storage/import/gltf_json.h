@@ -11,12 +11,14 @@ namespace raymill::storage {
 
 /// What a text holds, known without building anything.
 struct JsonMeasure {
-  std::uint64_t values = 0;        ///< objects, arrays, members, elements
-  std::uint64_t string_bytes = 0;  ///< keys and strings
+  std::uint64_t values = 0;
+  std::uint64_t members = 0;       ///< values that have a key
+  std::uint64_t blocks = 0;        ///< values with a heap block of their own: objects, arrays, strings
+  std::uint64_t string_bytes = 0;  ///< of keys and strings
 
-  /// Upper bound of the heap of the tree: a member costs a map node of 112 bytes with its allocator header, an element
-  /// at most twice its 16 bytes while its array grows; a string at most twice its length.
-  [[nodiscard]] std::uint64_t tree_bytes() const { return values * 160 + string_bytes * 2; }
+  /// Upper bound of the heap of the tree. A value takes 16 bytes, three times that while its array grows; a member's
+  /// map node 80 and a block's object up to 48, each with 16 of the allocator; a string at most twice its length.
+  [[nodiscard]] std::uint64_t tree_bytes() const { return values * 48 + members * 96 + blocks * 64 + string_bytes * 2; }
 };
 
 /// Errors: bad_scene (not JSON, or nested deeper than any glTF is).

@@ -1,13 +1,12 @@
 #include "storage/import/gltf_primitives.h"
 
 #include <algorithm>
-#include <limits>
-#include <optional>
 #include <vector>
 
 #include "storage/import/gltf_accessor.h"
 #include "storage/import/gltf_draco.h"
 #include "storage/import/message.h"
+#include "storage/import/primitive_readers.h"
 #include "storage/import/tinygltf_config.h"
 #include "storage/import/triangle_assembler.h"
 
@@ -16,99 +15,6 @@ namespace raymill::storage {
 namespace {
 
 constexpr const char* kDraco = "KHR_draco_mesh_compression";
-
-// POSITION of a primitive in world space, by pieces.
-class PositionReader {
- public:
-  PositionReader(GltfAccessor accessor, const Transform& world_from_node)
-      : accessor_(std::move(accessor)),
-        world_from_node_(world_from_node),
-        raw_(kPieceCorners * accessor_.element_bytes()) {}
-
-  [[nodiscard]] const GltfAccessor& accessor() const { return accessor_; }
-
-  Status read(std::uint64_t first, std::span<Vec3f> out) {
-    for (std::size_t done = 0; done < out.size();) {
-      const std::size_t taken = std::min(kPieceCorners, out.size() - done);
-      const std::uint32_t element_bytes = accessor_.element_bytes();
-      RAYMILL_RETURN_IF_ERROR(accessor_.read(first + done, std::span(raw_).first(taken * element_bytes)));
-      for (std::size_t i = 0; i < taken; ++i) {
-        out[done + i] = place(raw_.data() + i * element_bytes);
-      }
-      done += taken;
-    }
-    return {};
-  }
-
- private:
-  [[nodiscard]] Vec3f place(const std::byte* element) const {
-    const std::uint32_t step = size_bytes(accessor_.type());
-    const bool normalized = accessor_.normalized();
-    const auto component = [&](std::uint32_t i) {
-      return component_value(element + i * step, accessor_.type(), normalized);
-    };
-    return round_once(world_from_node_.apply({component(0), component(1), component(2)}));
-  }
-
-  GltfAccessor accessor_;
-  const Transform& world_from_node_;
-  std::vector<std::byte> raw_;
-};
-
-// The index accessor of a primitive, by pieces, each index checked against the vertices.
-class IndexReader {
- public:
-  IndexReader(GltfAccessor accessor, std::uint64_t vertex_count)
-      : accessor_(std::move(accessor)), vertex_count_(vertex_count), raw_(kPieceCorners * accessor_.element_bytes()) {}
-
-  static Result<GltfAccessor> open(int index, const PrimitiveContext& context) {
-    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor,
-                             GltfAccessor::open(context.document.model(), index, 1, context.buffers, context.ledger));
-    const ComponentType type = accessor.type();
-    const bool known = type == ComponentType::uint8 || type == ComponentType::uint16 || type == ComponentType::uint32;
-    if (!known || accessor.normalized()) {
-      return bad_scene("accessors[", index, "] holds indices and must be of plain unsigned integers");
-    }
-    return accessor;
-  }
-
-  [[nodiscard]] const GltfAccessor& accessor() const { return accessor_; }
-
-  Status read(std::uint64_t first, std::span<std::uint32_t> out) {
-    RAYMILL_RETURN_IF_ERROR(accessor_.read(first, std::span(raw_).first(out.size() * accessor_.element_bytes())));
-    switch (accessor_.type()) {
-      case ComponentType::uint8:
-        return convert<std::uint8_t>(first, out);
-      case ComponentType::uint16:
-        return convert<std::uint16_t>(first, out);
-      default:
-        return convert<std::uint32_t>(first, out);
-    }
-  }
-
- private:
-  template <typename T>
-  Status convert(std::uint64_t first, std::span<std::uint32_t> out) const {
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      T index;
-      std::memcpy(&index, raw_.data() + i * sizeof index, sizeof index);
-      if (index == std::numeric_limits<T>::max()) {
-        return bad_scene("accessors[", accessor_.index(), "] holds the primitive restart value ", index, " at ",
-                         first + i, ", which glTF 2.0 forbids");
-      }
-      if (index >= vertex_count_) {
-        return bad_scene("accessors[", accessor_.index(), "] holds index ", index, " at ", first + i,
-                         " and the primitive has only ", vertex_count_, " vertices");
-      }
-      out[i] = index;
-    }
-    return {};
-  }
-
-  GltfAccessor accessor_;
-  std::uint64_t vertex_count_;
-  std::vector<std::byte> raw_;
-};
 
 class PrimitiveImport {
  public:
@@ -136,21 +42,24 @@ class PrimitiveImport {
   }
 
  private:
-  Result<GltfAccessor> open_positions(int index) {
-    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, GltfAccessor::open(context_.document.model(), index, 3,
+  Result<GltfAccessor> open_accessor(int index, std::uint32_t components) {
+    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, GltfAccessor::open(context_.document.model(), index, components,
                                                                        context_.buffers, context_.ledger));
-    if (accessor.type() != ComponentType::float32) {
-      if (!context_.document.quantization() || accessor.type() == ComponentType::uint32) {
-        return bad_scene(
-            "accessors[", index, "] holds positions of component type ", static_cast<int>(accessor.type()), ", which ",
-            accessor.type() == ComponentType::uint32 ? "glTF 2.0 does not allow" : "only KHR_mesh_quantization allows");
-      }
-      ++context_.report.counts[ImportCode::quantized_positions];
-    }
     if (accessor.sparse()) {
       ++context_.report.counts[ImportCode::sparse_accessors];
     }
     return accessor;
+  }
+
+  Result<PositionReader> open_positions(int index) {
+    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, open_accessor(index, 3));
+    RAYMILL_ASSIGN_OR_RETURN(
+        PositionReader positions,
+        PositionReader::open(std::move(accessor), context_.document.quantization(), world_from_node_));
+    if (positions.accessor().type() != ComponentType::float32) {
+      ++context_.report.counts[ImportCode::quantized_positions];
+    }
+    return positions;
   }
 
   // World positions of all vertices, claimed.
@@ -165,8 +74,7 @@ class PrimitiveImport {
   }
 
   Status import_unindexed(int position_accessor) {
-    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, open_positions(position_accessor));
-    PositionReader positions(std::move(accessor), world_from_node_);
+    RAYMILL_ASSIGN_OR_RETURN(PositionReader positions, open_positions(position_accessor));
     const std::uint64_t count = positions.accessor().count();
     for (std::uint64_t first = 0; first < count; first += kPieceCorners) {
       const auto piece = std::span(corners_).first(std::min<std::uint64_t>(kPieceCorners, count - first));
@@ -177,13 +85,9 @@ class PrimitiveImport {
   }
 
   Status import_indexed(int position_accessor, int index_accessor) {
-    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, open_positions(position_accessor));
-    PositionReader positions(std::move(accessor), world_from_node_);
-    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor index_elements, IndexReader::open(index_accessor, context_));
-    IndexReader indices(std::move(index_elements), positions.accessor().count());
-    if (indices.accessor().sparse()) {
-      ++context_.report.counts[ImportCode::sparse_accessors];
-    }
+    RAYMILL_ASSIGN_OR_RETURN(PositionReader positions, open_positions(position_accessor));
+    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, open_accessor(index_accessor, 1));
+    RAYMILL_ASSIGN_OR_RETURN(IndexReader indices, IndexReader::open(std::move(accessor), positions.accessor().count()));
     RAYMILL_RETURN_IF_ERROR(hold_vertices(positions.accessor().count()));
     RAYMILL_RETURN_IF_ERROR(positions.read(0, vertices_));
     std::vector<std::uint32_t> numbers(kPieceCorners);

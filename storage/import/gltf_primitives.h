@@ -10,9 +10,14 @@
 #include "storage/base/status.h"
 #include "storage/import/gltf_buffers.h"
 #include "storage/import/gltf_document.h"
+#include "storage/import/primitive_readers.h"
 #include "storage/import/scene_import.h"
 #include "storage/import/transform.h"
 #include "storage/import/triangle_filter.h"
+
+namespace tinygltf {
+struct Primitive;
+}  // namespace tinygltf
 
 namespace raymill::storage {
 
@@ -25,8 +30,7 @@ struct PrimitiveContext {
   ImportReport& report;
 };
 
-/// Corners that are looked up at once, and the bytes of the scratch that one primitive needs beside its claims.
-constexpr std::size_t kPieceCorners = 16384;
+/// Scratch of one primitive beside its own claims: a piece of raw and of placed corners, of raw and of read indices.
 constexpr std::uint64_t kPrimitiveScratchBytes = kPieceCorners * (2 * sizeof(Vec3f) + 2 * sizeof(std::uint32_t));
 
 /// Hands the triangles of `primitive` on and counts what is met. Points, lines and primitives without positions give

@@ -1,135 +1,97 @@
 #include "storage/import/gltf_schema.h"
 
-#include <cmath>
-#include <cstdint>
-#include <limits>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <span>
-#include <string_view>
 
-#include "storage/import/message.h"
+#include "storage/import/json_schema.h"
 
 namespace raymill::storage {
 
 namespace {
 
-using nlohmann::json;
+using Kind = FieldKind;
 
-enum class Kind {
-  index,    // of an element of the section `target`
-  indices,  // array of such
-  count,    // elements: fits the 32-bit ids of the output
-  bytes,    // offsets and lengths: exact in a JSON number
-  integer,  // ids and enumerations: 0 .. 2^31 - 1
-  number,
-  numbers,  // array of `length`
-  boolean,
-  text,
-  texts,    // array of strings
-  name,     // text, and left out where it is anything else
-  present,  // only whether it is there matters: becomes true
-  object,   // `object`
-  objects,  // array of `object`
-};
-
-struct Object;
-
-struct Field {
-  std::string_view key;
-  Kind kind;
-  bool required = false;
-  std::string_view target = {};
-  const Object* object = nullptr;
-  std::size_t length = 0;
-};
-
-struct Object {
-  std::span<const Field> fields;
-};
-
-constexpr Field kSparseIndicesFields[] = {
+constexpr JsonField kSparseIndicesFields[] = {
     {"bufferView", Kind::index, true, "bufferViews"},
     {"byteOffset", Kind::integer},
     {"componentType", Kind::integer, true},
 };
-constexpr Object kSparseIndices{kSparseIndicesFields};
+constexpr JsonObject kSparseIndices{kSparseIndicesFields};
 
-constexpr Field kSparseValuesFields[] = {
+constexpr JsonField kSparseValuesFields[] = {
     {"bufferView", Kind::index, true, "bufferViews"},
     {"byteOffset", Kind::integer},
 };
-constexpr Object kSparseValues{kSparseValuesFields};
+constexpr JsonObject kSparseValues{kSparseValuesFields};
 
-constexpr Field kSparseFields[] = {
+constexpr JsonField kSparseFields[] = {
     {"count", Kind::integer, true},
     {"indices", Kind::object, true, {}, &kSparseIndices},
     {"values", Kind::object, true, {}, &kSparseValues},
 };
-constexpr Object kSparse{kSparseFields};
+constexpr JsonObject kSparse{kSparseFields};
 
-constexpr Field kAccessorFields[] = {
+constexpr JsonField kAccessorFields[] = {
     {"bufferView", Kind::index, false, "bufferViews"},
     {"byteOffset", Kind::bytes},
     {"componentType", Kind::integer, true},
     {"normalized", Kind::boolean},
     {"count", Kind::count, true},
-    {"type", Kind::text, true},
+    {"type", Kind::element, true},
     {"sparse", Kind::object, false, {}, &kSparse},
 };
-constexpr Object kAccessor{kAccessorFields};
+constexpr JsonObject kAccessor{kAccessorFields};
 
-constexpr Field kBufferViewFields[] = {
+constexpr JsonField kBufferViewFields[] = {
     {"buffer", Kind::index, true, "buffers"},
     {"byteOffset", Kind::bytes},
     {"byteLength", Kind::bytes, true},
-    {"byteStride", Kind::integer},
+    {"byteStride", Kind::stride},
 };
-constexpr Object kBufferView{kBufferViewFields};
+constexpr JsonObject kBufferView{kBufferViewFields};
 
-constexpr Field kBufferExtensionsFields[] = {{"EXT_meshopt_compression", Kind::present}};
-constexpr Object kBufferExtensions{kBufferExtensionsFields};
+constexpr JsonField kBufferExtensionsFields[] = {{"EXT_meshopt_compression", Kind::present}};
+constexpr JsonObject kBufferExtensions{kBufferExtensionsFields};
 
-constexpr Field kBufferFields[] = {
+constexpr JsonField kBufferFields[] = {
     {"uri", Kind::text},
     {"byteLength", Kind::bytes, true},
     {"extensions", Kind::object, false, {}, &kBufferExtensions},
 };
-constexpr Object kBuffer{kBufferFields};
+constexpr JsonObject kBuffer{kBufferFields};
 
-constexpr Field kDracoAttributesFields[] = {{"POSITION", Kind::integer}};
-constexpr Object kDracoAttributes{kDracoAttributesFields};
+constexpr JsonField kDracoAttributesFields[] = {{"POSITION", Kind::integer}};
+constexpr JsonObject kDracoAttributes{kDracoAttributesFields};
 
-constexpr Field kDracoFields[] = {
+constexpr JsonField kDracoFields[] = {
     {"bufferView", Kind::index, true, "bufferViews"},
     {"attributes", Kind::object, true, {}, &kDracoAttributes},
 };
-constexpr Object kDraco{kDracoFields};
+constexpr JsonObject kDraco{kDracoFields};
 
-constexpr Field kPrimitiveExtensionsFields[] = {{"KHR_draco_mesh_compression", Kind::object, false, {}, &kDraco}};
-constexpr Object kPrimitiveExtensions{kPrimitiveExtensionsFields};
+constexpr JsonField kPrimitiveExtensionsFields[] = {{"KHR_draco_mesh_compression", Kind::object, false, {}, &kDraco}};
+constexpr JsonObject kPrimitiveExtensions{kPrimitiveExtensionsFields};
 
-constexpr Field kAttributesFields[] = {{"POSITION", Kind::index, false, "accessors"}};
-constexpr Object kAttributes{kAttributesFields};
+constexpr JsonField kAttributesFields[] = {{"POSITION", Kind::index, false, "accessors"}};
+constexpr JsonObject kAttributes{kAttributesFields};
 
-constexpr Object kMorphTarget{};
+constexpr JsonObject kMorphTarget{};
 
-constexpr Field kPrimitiveFields[] = {
+constexpr JsonField kPrimitiveFields[] = {
     {"attributes", Kind::object, true, {}, &kAttributes},
     {"indices", Kind::index, false, "accessors"},
     {"mode", Kind::integer},
     {"targets", Kind::objects, false, {}, &kMorphTarget},
     {"extensions", Kind::object, false, {}, &kPrimitiveExtensions},
 };
-constexpr Object kPrimitive{kPrimitiveFields};
+constexpr JsonObject kPrimitive{kPrimitiveFields};
 
-constexpr Field kMeshFields[] = {
+constexpr JsonField kMeshFields[] = {
     {"name", Kind::name},
     {"primitives", Kind::objects, true, {}, &kPrimitive},
 };
-constexpr Object kMesh{kMeshFields};
+constexpr JsonObject kMesh{kMeshFields};
 
-constexpr Field kNodeFields[] = {
+constexpr JsonField kNodeFields[] = {
     {"name", Kind::name},
     {"camera", Kind::index, false, "cameras"},
     {"children", Kind::indices, false, "nodes"},
@@ -140,42 +102,42 @@ constexpr Field kNodeFields[] = {
     {"skin", Kind::index, false, "skins"},
     {"translation", Kind::numbers, false, {}, nullptr, 3},
 };
-constexpr Object kNode{kNodeFields};
+constexpr JsonObject kNode{kNodeFields};
 
-constexpr Field kSceneFields[] = {{"name", Kind::name}, {"nodes", Kind::indices, false, "nodes"}};
-constexpr Object kScene{kSceneFields};
+constexpr JsonField kSceneFields[] = {{"name", Kind::name}, {"nodes", Kind::indices, false, "nodes"}};
+constexpr JsonObject kScene{kSceneFields};
 
-constexpr Field kPerspectiveFields[] = {
+constexpr JsonField kPerspectiveFields[] = {
     {"aspectRatio", Kind::number},
     {"yfov", Kind::number, true},
     {"zfar", Kind::number},
     {"znear", Kind::number, true},
 };
-constexpr Object kPerspective{kPerspectiveFields};
+constexpr JsonObject kPerspective{kPerspectiveFields};
 
-constexpr Field kOrthographicFields[] = {
+constexpr JsonField kOrthographicFields[] = {
     {"xmag", Kind::number, true},
     {"ymag", Kind::number, true},
     {"zfar", Kind::number, true},
     {"znear", Kind::number, true},
 };
-constexpr Object kOrthographic{kOrthographicFields};
+constexpr JsonObject kOrthographic{kOrthographicFields};
 
-constexpr Field kCameraFields[] = {
+constexpr JsonField kCameraFields[] = {
     {"name", Kind::name},
     {"orthographic", Kind::object, false, {}, &kOrthographic},
     {"perspective", Kind::object, false, {}, &kPerspective},
     {"type", Kind::text, true},
 };
-constexpr Object kCamera{kCameraFields};
+constexpr JsonObject kCamera{kCameraFields};
 
-constexpr Field kAssetFields[] = {{"version", Kind::text, true}, {"minVersion", Kind::text}};
-constexpr Object kAsset{kAssetFields};
+constexpr JsonField kAssetFields[] = {{"version", Kind::text, true}, {"minVersion", Kind::text}};
+constexpr JsonObject kAsset{kAssetFields};
 
-constexpr Object kSkin{};
+constexpr JsonObject kSkin{};
 
 // Sections that are pointed into stand here even where nothing of their elements is read: their length is.
-constexpr Field kRootFields[] = {
+constexpr JsonField kRootFields[] = {
     {"asset", Kind::object, true, {}, &kAsset},
     {"extensionsUsed", Kind::texts},
     {"extensionsRequired", Kind::texts},
@@ -189,155 +151,10 @@ constexpr Field kRootFields[] = {
     {"scenes", Kind::objects, false, {}, &kScene},
     {"scene", Kind::index, false, "scenes"},
 };
-constexpr Object kRoot{kRootFields};
-
-constexpr std::uint64_t kCountMax = std::numeric_limits<std::uint32_t>::max();
-constexpr std::uint64_t kBytesMax = std::uint64_t{1} << 53;
-constexpr std::uint64_t kIntegerMax = std::numeric_limits<std::int32_t>::max();
-
-// The messages below start at the point where the path of the field ends: " is ...", or ".key" and "[i]" while the
-// path is put together on the way out.
-
-std::string shown(const json& value) {
-  constexpr std::size_t kLongest = 40;
-  switch (value.type()) {
-    case json::value_t::object:
-      return "an object";
-    case json::value_t::array:
-      return "an array";
-    case json::value_t::string:
-      return "a string";
-    default:
-      return value.dump().substr(0, kLongest);
-  }
-}
-
-class Normalizer {
- public:
-  /// Takes down the lengths of the sections first: normalising moves them.
-  explicit Normalizer(const json& root) {
-    for (const Field& field : kRootFields) {
-      const auto section = root.find(field.key);
-      section_sizes_[field.key] = section != root.end() && section->is_array() ? section->size() : 0;
-    }
-  }
-
-  Status object(json& value, const Object& schema) const {
-    if (!value.is_object()) {
-      return bad_scene(" is ", shown(value), "; an object is needed");
-    }
-    json kept = json::object();
-    for (const Field& field : schema.fields) {
-      const auto it = value.find(field.key);
-      if (it == value.end()) {
-        if (field.required) {
-          return bad_scene(".", field.key, " is missing");
-        }
-        continue;
-      }
-      if (field.kind == Kind::name && !it->is_string()) {
-        continue;
-      }
-      if (Status status = one(*it, field); !status.ok()) {
-        return {status.code(), message(".", field.key, status.message())};
-      }
-      kept[std::string(field.key)] = std::move(*it);
-    }
-    value = std::move(kept);
-    return {};
-  }
-
- private:
-  Status one(json& value, const Field& field) const {
-    switch (field.kind) {
-      case Kind::index:
-        return index(value, field.target);
-      case Kind::count:
-        return whole(value, kCountMax);
-      case Kind::bytes:
-        return whole(value, kBytesMax);
-      case Kind::integer:
-        return whole(value, kIntegerMax);
-      case Kind::number:
-        return must(value.is_number(), value, "a number");
-      case Kind::boolean:
-        return must(value.is_boolean(), value, "true or false");
-      case Kind::name:
-      case Kind::text:
-        return must(value.is_string(), value, "a string");
-      case Kind::present:
-        value = true;
-        return {};
-      case Kind::object:
-        return object(value, *field.object);
-      case Kind::numbers:
-        if (value.is_array() && value.size() != field.length) {
-          return bad_scene(" has ", value.size(), " numbers; it must have ", field.length);
-        }
-        [[fallthrough]];
-      case Kind::indices:
-      case Kind::texts:
-      case Kind::objects:
-        return elements(value, field);
-    }
-    return {};
-  }
-
-  Status elements(json& value, const Field& field) const {
-    RAYMILL_RETURN_IF_ERROR(must(value.is_array(), value, "an array"));
-    Field element = field;
-    element.kind = field.kind == Kind::indices   ? Kind::index
-                   : field.kind == Kind::numbers ? Kind::number
-                   : field.kind == Kind::texts   ? Kind::text
-                                                 : Kind::object;
-    for (std::size_t i = 0; i < value.size(); ++i) {
-      if (Status status = one(value[i], element); !status.ok()) {
-        return {status.code(), message("[", i, "]", status.message())};
-      }
-    }
-    return {};
-  }
-
-  static Status must(bool holds, const json& value, std::string_view needed) {
-    return holds ? Status() : bad_scene(" is ", shown(value), "; ", needed, " is needed");
-  }
-
-  static Status whole(json& value, std::uint64_t most) {
-    if (value.is_number_float()) {
-      const double number = value.get<double>();
-      if (number >= 0 && number <= static_cast<double>(most) && number == std::floor(number)) {
-        value = static_cast<std::uint64_t>(number);
-      }
-    }
-    if (!value.is_number_unsigned() || value.get<std::uint64_t>() > most) {
-      return bad_scene(" is ", shown(value), "; a whole number from 0 to ", most, " is needed");
-    }
-    return {};
-  }
-
-  Status index(json& value, std::string_view target) const {
-    RAYMILL_RETURN_IF_ERROR(whole(value, kIntegerMax));
-    const std::size_t size = section_sizes_.at(target);
-    if (value.get<std::uint64_t>() >= size) {
-      return bad_scene(" is ", shown(value), "; there are only ", size, " ", target);
-    }
-    return {};
-  }
-
-  std::map<std::string_view, std::size_t> section_sizes_;
-};
+constexpr JsonObject kRoot{kRootFields};
 
 }  // namespace
 
-Status normalize(json& root) {
-  if (!root.is_object()) {
-    return bad_scene("the JSON text is ", shown(root), "; an object is needed");
-  }
-  const Normalizer normalizer(root);
-  if (Status status = normalizer.object(root, kRoot); !status.ok()) {
-    return {status.code(), status.message().substr(1)};
-  }
-  return {};
-}
+Status normalize(nlohmann::json& root) { return apply_schema(root, kRoot); }
 
 }  // namespace raymill::storage
