@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "storage/base/status.h"
+#include "storage/base/types.h"
 #include "storage/base/vec3.h"
 #include "storage/build/binary_tree.h"
 

@@ -142,20 +142,26 @@ Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContai
   hide_indices(root);
   root.erase("skins");  // their number was needed, tinygltf wants more of them
 
-  // The data: URIs are out of our tree now and have claims of their own. What is left stands in memory three times for
-  // a while: our tree, its text, tinygltf's tree.
+  // The data: URIs are out of the tree now and have claims of their own.
   for (const BufferDeclaration& buffer : document.buffers_) {
     measure.string_bytes -= buffer.uri.size();
   }
   const std::uint64_t kept_bytes = model_bytes(root, measure) + document.buffers_.size() * sizeof(BufferDeclaration);
-  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes() * 3 + kept_bytes));
+  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes()));
   for (BufferDeclaration& buffer : document.buffers_) {
     RAYMILL_ASSIGN_OR_RETURN(buffer.uri_claim, ledger.claim(Tag::build, buffer.uri.size()));
   }
+
+  // First our tree and the normalised text, then the text, tinygltf's tree and its model.
+  constexpr std::uint64_t kLongestNumber = 26;
+  constexpr std::uint64_t kLongestEscape = 6;
+  RAYMILL_RETURN_IF_ERROR(text_claim.resize(measure.values * kLongestNumber + measure.string_bytes * kLongestEscape));
   text = root.dump();
+  text.shrink_to_fit();
+  RAYMILL_RETURN_IF_ERROR(text_claim.resize(text.capacity()));
   root = nullptr;
+  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes() + kept_bytes));
   RAYMILL_RETURN_IF_ERROR(parse_model(text, *document.model_));
-  text = {};
   RAYMILL_RETURN_IF_ERROR(document.claim_.resize(kept_bytes));
   return document;
 }

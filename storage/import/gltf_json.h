@@ -16,9 +16,12 @@ struct JsonMeasure {
   std::uint64_t blocks = 0;        ///< values with a heap block of their own: objects, arrays, strings
   std::uint64_t string_bytes = 0;  ///< of keys and strings
 
-  /// Upper bound of the heap of the tree. A value takes 16 bytes, three times that while its array grows; a member's
-  /// map node 80 and a block's object up to 48, each with 16 of the allocator; a string at most twice its length.
-  [[nodiscard]] std::uint64_t tree_bytes() const { return values * 48 + members * 96 + blocks * 64 + string_bytes * 2; }
+  /// Upper bound of the heap of the tree while it is parsed. An element takes 16 bytes in an array that doubles; a
+  /// member's map node 80 and a block's object up to 48, each with 16 of the allocator; a string stands in the lexer's
+  /// buffer, which doubles, and in the tree.
+  [[nodiscard]] std::uint64_t tree_bytes() const {
+    return (values - members) * 32 + members * 96 + blocks * 64 + string_bytes * 3;
+  }
 };
 
 /// Errors: bad_scene (not JSON, or nested deeper than any glTF is).

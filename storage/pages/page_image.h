@@ -44,6 +44,7 @@ struct PageHeader {
   std::uint32_t primitive_ids_offset = 0;
   std::uint32_t geometries_offset = 0;
   std::uint32_t geometry_indices_offset = 0;
+  std::uint32_t reserved = 0;
 };
 static_assert(sizeof(PageHeader) == 64 && std::is_trivially_copyable_v<PageHeader>);
 

@@ -1,0 +1,36 @@
+// Lattice: positions as multiples of one power-of-two step, the same for all flattened geometry.
+//
+// A coordinate is rounded to the nearest multiple (ties to even) once, before anything is built, so a vertex that two
+// triangles, pages or objects share stays one position and no crack opens. Immutable.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "storage/base/status.h"
+#include "storage/base/vec3.h"
+
+namespace raymill::storage {
+
+/// What `--positions` asks for.
+struct PositionsRequest {
+  enum class Kind : std::uint8_t { float32, lattice_step, lattice_bits };
+  Kind kind = Kind::float32;
+  double step = 0;    ///< scene units; rounded down to a power of two
+  unsigned bits = 0;  ///< 2^bits steps span the largest extent of the scene
+};
+
+/// "float32", "lattice:STEP" or "lattice:BITSb". Errors: invalid_argument.
+Result<PositionsRequest> parse_positions(const std::string& text);
+
+struct LatticeResult {
+  std::int32_t step_exponent = 0;
+  double max_displacement = 0;          ///< of a vertex, scene units
+  std::uint64_t dropped_degenerate = 0;  ///< triangles that the lattice made degenerate; they are taken out
+};
+
+/// Puts all corners on the lattice. Errors: invalid_argument when a coordinate is more than 2^31 steps from zero.
+Result<LatticeResult> snap_to_lattice(const PositionsRequest& request, std::vector<Triangle>& triangles);
+
+}  // namespace raymill::storage

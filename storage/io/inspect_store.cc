@@ -1,0 +1,161 @@
+// verify() and inspect_page(): tools that look into a store and never write.
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+
+#include "storage/base/aligned.h"
+#include "storage/io/build_store.h"
+#include "storage/io/store_file.h"
+#include "storage/pages/codec.h"
+#include "storage/pages/page_assembler.h"
+#include "storage/pages/page_image.h"
+
+namespace raymill {
+namespace {
+
+using namespace storage;
+
+// Looking into a store takes a page or two; the budget of a job does not apply.
+constexpr std::uint64_t kInspectBudgetBytes = gibibytes(4);
+
+using DirectBuffer = std::vector<std::byte, AlignedAllocator<std::byte, kDirectBlockBytes>>;
+
+template <int N>
+nlohmann::ordered_json nodes_json(const PageView& view) {
+  auto nodes = nlohmann::ordered_json::array();
+  const std::uint32_t total = std::uint32_t(view.header().node_count) + view.header().ghost_count;
+  for (std::uint32_t i = 0; i < total; ++i) {
+    const Node<N>& node = view.nodes<N>()[i];
+    nlohmann::ordered_json json{{"index", i},
+                                {"ghost", i >= view.header().node_count},
+                                {"level", node.level},
+                                {"parent", node.parent == kNoParent ? -1 : int(node.parent)}};
+    json["children"] = nlohmann::ordered_json::array();
+    for (unsigned slot = 0; slot < N; ++slot) {
+      if ((node.valid >> slot & 1) == 0) {
+        continue;
+      }
+      nlohmann::ordered_json child{{"slot", slot}};
+      std::array<float, 3> lower{}, upper{};
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const float scale = power_of_two(node.exponent[axis]);
+        lower[axis] = decode_plane(node.base[axis], scale, node.lower[axis][slot]);
+        upper[axis] = decode_plane(node.base[axis], scale, node.upper[axis][slot]);
+      }
+      child["min"] = lower;
+      child["max"] = upper;
+      if ((node.leaf >> slot & 1) != 0) {
+        child["first_triangle"] = node.child[slot];
+        child["triangles"] = node.count[slot];
+      } else if ((node.external >> slot & 1) != 0) {
+        const ExternalRef& ref = view.externals()[node.child[slot]];
+        child["page"] = ref.page;
+        child["node"] = ref.node;
+        if (ref.kind == ExternalKind::leaf) {
+          child["leaf_slot"] = ref.slot;
+        }
+      } else {
+        child["node"] = node.child[slot];
+      }
+      json["children"].push_back(std::move(child));
+    }
+    nodes.push_back(std::move(json));
+  }
+  return nodes;
+}
+
+nlohmann::ordered_json page_json(const PageView& view) {
+  const PageHeader& header = view.header();
+  nlohmann::ordered_json json{{"nodes", header.node_count},       {"ghosts", header.ghost_count},
+                              {"externals", header.external_count}, {"triangles", header.triangle_count},
+                              {"vertices", header.vertex_count},    {"geometries", header.geometry_count}};
+  json["tree"] = header.width == 8 ? nodes_json<8>(view) : nodes_json<4>(view);
+  json["triangle_list"] = nlohmann::ordered_json::array();
+  for (std::uint32_t i = 0; i < header.triangle_count; ++i) {
+    auto corners = nlohmann::ordered_json::array();
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      const Vec3f& v = view.vertices()[view.indices()[i * 3 + k]];
+      corners.push_back({v.x, v.y, v.z});
+    }
+    json["triangle_list"].push_back({{"geometry_id", view.geometry_id(i)},
+                                     {"primitive_id", view.primitive_ids()[i]},
+                                     {"corners", std::move(corners)}});
+  }
+  return json;
+}
+
+}  // namespace
+
+Result<VerifyReport> verify(const std::string& path) {
+  Ledger ledger(kInspectBudgetBytes);
+  RAYMILL_ASSIGN_OR_RETURN(const std::shared_ptr<const StoreFile> store, StoreFile::open(path, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(const std::string metadata, store->read_metadata());
+  if (!nlohmann::json::accept(metadata)) {
+    return {ErrorCode::corrupt, path + ": has metadata that is not JSON; rebuild it"};
+  }
+  DirectBuffer buffer(store->read_buffer_bytes());
+  PageBuffer frame(store->header().page_bytes);
+  PageDecoder decoder(store->rules(), store->positions(), store->codec());
+  VerifyReport report;
+  std::uint64_t decoded_bytes = 0;
+  for (std::uint32_t i = 0; i < store->page_count(); ++i) {
+    const PageId page{i};
+    RAYMILL_ASSIGN_OR_RETURN(const std::span<const std::byte> encoded, store->read_page(page, buffer));
+    RAYMILL_RETURN_IF_ERROR(store->check_page(page, encoded));
+    const Result<std::uint32_t> size = decoder.decode(encoded, frame);
+    if (!size) {
+      return store->page_fault(page, size.status());
+    }
+    if (const Status boxes = check_boxes(frame.data()); !boxes.ok()) {
+      return store->page_fault(page, boxes);
+    }
+    if (*size != store->entry(page).decoded_bytes) {
+      return store->page_fault(page, {ErrorCode::corrupt, "decodes to another size than the directory says"});
+    }
+    report.triangles += PageView(frame.data()).header().triangle_count;
+    report.bytes += encoded.size();
+    decoded_bytes += *size;
+    ++report.pages;
+  }
+  if (report.triangles != store->footer().triangle_count || decoded_bytes != store->footer().decoded_bytes) {
+    return {ErrorCode::corrupt, path + ": has pages that do not add up to what the footer says; rebuild it"};
+  }
+  return report;
+}
+
+Result<std::string> inspect_page(const std::string& path, std::uint32_t page_index) {
+  Ledger ledger(kInspectBudgetBytes);
+  RAYMILL_ASSIGN_OR_RETURN(const std::shared_ptr<const StoreFile> store, StoreFile::open(path, ledger));
+  if (page_index >= store->page_count()) {
+    return {ErrorCode::invalid_argument, path + ": has pages 0 to " + std::to_string(store->page_count() - 1) +
+                                             ", not " + std::to_string(page_index)};
+  }
+  const PageId page{page_index};
+  const PageEntry& entry = store->entry(page);
+  nlohmann::ordered_json json{{"page", page_index},
+                              {"offset", entry.offset},
+                              {"encoded_bytes", entry.encoded_bytes},
+                              {"decoded_bytes", entry.decoded_bytes}};
+  DirectBuffer buffer(store->read_buffer_bytes());
+  RAYMILL_ASSIGN_OR_RETURN(const std::span<const std::byte> encoded, store->read_page(page, buffer));
+  const Status checksum = store->check_page(page, encoded);
+  json["checksum"] = checksum.ok() ? "ok" : checksum.message();
+  if (!encoded.empty()) {
+    EncodedHeader header;
+    std::copy_n(encoded.begin(), std::min(encoded.size(), sizeof header),
+                std::as_writable_bytes(std::span(&header, 1)).begin());
+    json["codec"] = to_string(static_cast<Codec>(header.codec));
+  }
+  PageBuffer frame(store->header().page_bytes);
+  const Result<std::uint32_t> size =
+      PageDecoder(store->rules(), store->positions(), store->codec()).decode(encoded, frame);
+  if (!size) {
+    json["fault"] = size.status().message();
+  } else {
+    json.update(page_json(PageView(frame.data())));
+  }
+  return json.dump(2);
+}
+
+}  // namespace raymill

@@ -1,0 +1,194 @@
+#include "storage/io/store_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zstd.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <span>
+
+#include "storage/base/checksum.h"
+
+namespace raymill::storage {
+namespace {
+
+std::uint64_t round_up(std::uint64_t bytes) {
+  return (bytes + kDirectBlockBytes - 1) / kDirectBlockBytes * kDirectBlockBytes;
+}
+
+// Reads up to `size` bytes; fewer only at the end of the file. -1 with errno on an error.
+ssize_t read_fully(int descriptor, std::byte* out, std::size_t size, std::uint64_t offset) {
+  std::size_t done = 0;
+  while (done < size) {
+    const ssize_t n = ::pread(descriptor, out + done, size - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) {
+      continue;
+    }
+    if (n < 0) {
+      return -1;
+    }
+    if (n == 0) {
+      break;
+    }
+    done += static_cast<std::size_t>(n);
+  }
+  return static_cast<ssize_t>(done);
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const StoreFile>> StoreFile::open(const std::string& path, Ledger& ledger) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) {
+    const int error = errno;
+    return {error == ENOENT ? ErrorCode::not_found : ErrorCode::io,
+            path + ": cannot open the store: " + std::strerror(error)};
+  }
+  const std::shared_ptr<StoreFile> file(new StoreFile(path, descriptor));
+  RAYMILL_RETURN_IF_ERROR(file->load(ledger));
+  file->try_direct();
+  return std::shared_ptr<const StoreFile>(file);
+}
+
+StoreFile::~StoreFile() {
+  ::close(descriptor_);
+  if (direct_descriptor_ >= 0) {
+    ::close(direct_descriptor_);
+  }
+}
+
+Status StoreFile::fault(const Status& status) const { return {status.code(), path_ + ": " + status.message()}; }
+
+Status StoreFile::page_fault(PageId page, const Status& fault) const {
+  return {fault.code(), path_ + ", page " + std::to_string(index_of(page)) + ": " + fault.message() +
+                            "; restore the file or build it again"};
+}
+
+Status StoreFile::load(Ledger& ledger) {
+  struct stat info {};
+  if (::fstat(descriptor_, &info) != 0 || !S_ISREG(info.st_mode)) {
+    return {ErrorCode::io, path_ + ": is not a regular file"};
+  }
+  const auto file_bytes = static_cast<std::uint64_t>(info.st_size);
+  if (file_bytes < sizeof header_ + sizeof footer_) {
+    return {ErrorCode::corrupt, path_ + ": is too short to be a store; copy or build it again"};
+  }
+  RAYMILL_RETURN_IF_ERROR(read_exactly(0, std::as_writable_bytes(std::span(&header_, 1))));
+  if (const Status status = check(header_); !status.ok()) {
+    return fault({status.code(), status.message()});
+  }
+  RAYMILL_RETURN_IF_ERROR(
+      read_exactly(file_bytes - sizeof footer_, std::as_writable_bytes(std::span(&footer_, 1))));
+  if (const Status status = check(footer_, header_, file_bytes); !status.ok()) {
+    return fault(status);
+  }
+  RAYMILL_ASSIGN_OR_RETURN(reservation_, ledger.claim(Tag::directory, footer_.page_count * sizeof(PageEntry)));
+  directory_.resize(footer_.page_count);
+  const auto bytes = std::as_writable_bytes(std::span(directory_));
+  RAYMILL_RETURN_IF_ERROR(read_exactly(footer_.directory_offset, bytes));
+  if (checksum(bytes) != footer_.directory_checksum) {
+    return fault({ErrorCode::checksum_mismatch, "has a damaged page directory; restore or rebuild it"});
+  }
+  std::uint64_t offset = sizeof(StoreHeader);
+  for (const PageEntry& entry : directory_) {
+    if (entry.offset != offset || entry.encoded_bytes > footer_.max_encoded_bytes ||
+        entry.encoded_bytes > footer_.metadata_offset - offset || entry.decoded_bytes > header_.page_bytes) {
+      return fault({ErrorCode::corrupt, "has a page directory that does not fit the file; build it again"});
+    }
+    offset += entry.encoded_bytes;
+  }
+  if (offset != footer_.metadata_offset) {
+    return fault({ErrorCode::corrupt, "has bytes that no page owns; build it again"});
+  }
+  return {};
+}
+
+void StoreFile::try_direct() {
+  direct_descriptor_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_DIRECT);
+  if (direct_descriptor_ < 0) {
+    return;
+  }
+  // Some file systems take the flag and refuse the read.
+  std::vector<std::byte, AlignedAllocator<std::byte, kDirectBlockBytes>> block(kDirectBlockBytes);
+  direct_ = ::pread(direct_descriptor_, block.data(), block.size(), 0) > 0;
+}
+
+PageRules StoreFile::rules() const {
+  return {header_.width, footer_.levels, header_.page_bytes, page_count(), footer_.geometry_count};
+}
+
+PositionKind StoreFile::positions() const { return {header_.lattice != 0, header_.lattice_step_exponent}; }
+
+std::string StoreFile::positions_text() const {
+  if (header_.lattice == 0) {
+    return "float32";
+  }
+  char text[48];
+  std::snprintf(text, sizeof text, "lattice:%.9g", std::ldexp(1.0, header_.lattice_step_exponent));
+  return text;
+}
+
+std::uint64_t StoreFile::read_buffer_bytes() const {
+  return round_up(footer_.max_encoded_bytes) + kDirectBlockBytes;
+}
+
+Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<std::byte> buffer) const {
+  const PageEntry& entry = directory_[index_of(page)];
+  const std::uint64_t begin = entry.offset / kDirectBlockBytes * kDirectBlockBytes;
+  const std::uint64_t skipped = entry.offset - begin;
+  const std::uint64_t size = round_up(skipped + entry.encoded_bytes);
+  ssize_t n = -1;
+  if (direct_) {
+    n = read_fully(direct_descriptor_, buffer.data(), size, begin);
+  }
+  if (n < 0) {
+    n = read_fully(descriptor_, buffer.data(), size, begin);
+    ::posix_fadvise(descriptor_, static_cast<off_t>(begin), static_cast<off_t>(size), POSIX_FADV_DONTNEED);
+  }
+  if (n < 0) {
+    return {ErrorCode::io, path_ + ": cannot read page " + std::to_string(index_of(page)) + ": " +
+                               std::strerror(errno)};
+  }
+  if (static_cast<std::uint64_t>(n) < skipped + entry.encoded_bytes) {
+    return {ErrorCode::io, path_ + ": ends inside page " + std::to_string(index_of(page)) +
+                               "; it was cut short while open"};
+  }
+  return std::span<const std::byte>(buffer).subspan(skipped, entry.encoded_bytes);
+}
+
+Status StoreFile::check_page(PageId page, std::span<const std::byte> encoded) const {
+  if (checksum(encoded) != directory_[index_of(page)].checksum) {
+    return page_fault(page, {ErrorCode::checksum_mismatch, "its bytes are not those that were written"});
+  }
+  return {};
+}
+
+Result<std::string> StoreFile::read_metadata() const {
+  std::vector<std::byte> compressed(footer_.metadata_bytes);
+  RAYMILL_RETURN_IF_ERROR(read_exactly(footer_.metadata_offset, compressed));
+  if (checksum(compressed) != footer_.metadata_checksum) {
+    return fault({ErrorCode::checksum_mismatch, "has damaged metadata; restore or rebuild it"});
+  }
+  std::string text(footer_.metadata_plain_bytes, '\0');
+  if (ZSTD_decompress(text.data(), text.size(), compressed.data(), compressed.size()) != text.size()) {
+    return fault({ErrorCode::corrupt, "has metadata that cannot be decompressed; rebuild it"});
+  }
+  return text;
+}
+
+Status StoreFile::read_exactly(std::uint64_t offset, std::span<std::byte> out) const {
+  const ssize_t n = read_fully(descriptor_, out.data(), out.size(), offset);
+  if (n < 0) {
+    return {ErrorCode::io, path_ + ": cannot read: " + std::strerror(errno)};
+  }
+  if (static_cast<std::size_t>(n) != out.size()) {
+    return {ErrorCode::io, path_ + ": ends earlier than its size says"};
+  }
+  return {};
+}
+
+}  // namespace raymill::storage

@@ -1,0 +1,73 @@
+// StoreFile: an open store. Reading one costs a header, a footer and the page directory, whatever the size.
+// Immutable after open; thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "storage/base/aligned.h"
+#include "storage/base/ledger.h"
+#include "storage/base/status.h"
+#include "storage/pages/store_format.h"
+
+namespace raymill::storage {
+
+/// Direct reads go in whole blocks of this size, offset and memory included.
+constexpr std::uint64_t kDirectBlockBytes = 4096;
+
+class StoreFile {
+ public:
+  /// Claims the directory from `ledger`. Errors: not_found, io, corrupt, checksum_mismatch, version_mismatch,
+  /// unsupported, budget_exceeded.
+  static Result<std::shared_ptr<const StoreFile>> open(const std::string& path, Ledger& ledger);
+  ~StoreFile();
+  StoreFile(const StoreFile&) = delete;
+  StoreFile& operator=(const StoreFile&) = delete;
+
+  [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] const StoreHeader& header() const { return header_; }
+  [[nodiscard]] const StoreFooter& footer() const { return footer_; }
+  [[nodiscard]] std::uint32_t page_count() const { return static_cast<std::uint32_t>(directory_.size()); }
+  [[nodiscard]] const PageEntry& entry(PageId page) const { return directory_[index_of(page)]; }
+  [[nodiscard]] Codec codec() const { return static_cast<Codec>(header_.codec); }
+  [[nodiscard]] PageRules rules() const;
+  [[nodiscard]] PositionKind positions() const;
+  /// "float32" or "lattice:STEP".
+  [[nodiscard]] std::string positions_text() const;
+
+  /// Whether reads bypass the page cache; where the file system refuses that, reads are buffered and the cache is
+  /// told to forget them.
+  [[nodiscard]] bool direct() const { return direct_; }
+  /// Bytes of buffer that the largest page needs, block padding included.
+  [[nodiscard]] std::uint64_t read_buffer_bytes() const;
+  /// Reads a page's encoded bytes; blocks. `buffer` is aligned to kDirectBlockBytes and read_buffer_bytes() long.
+  /// The checksum is not checked here. Errors: io.
+  Result<std::span<const std::byte>> read_page(PageId page, std::span<std::byte> buffer) const;
+  /// Reads and checks a page's bytes against the reference. Errors: checksum_mismatch.
+  [[nodiscard]] Status check_page(PageId page, std::span<const std::byte> encoded) const;
+  /// The metadata JSON. Errors: io, checksum_mismatch, corrupt.
+  [[nodiscard]] Result<std::string> read_metadata() const;
+
+  /// "STORE.mill, page 7": where a page's fault is reported.
+  [[nodiscard]] Status page_fault(PageId page, const Status& fault) const;
+
+ private:
+  StoreFile(std::string path, int descriptor) : path_(std::move(path)), descriptor_(descriptor) {}
+  Status load(Ledger& ledger);
+  Status read_exactly(std::uint64_t offset, std::span<std::byte> out) const;
+  [[nodiscard]] Status fault(const Status& status) const;
+  void try_direct();
+
+  std::string path_;
+  int descriptor_ = -1;         // buffered
+  int direct_descriptor_ = -1;  // O_DIRECT, or -1
+  bool direct_ = false;
+  StoreHeader header_;
+  StoreFooter footer_;
+  BudgetReservation reservation_;
+  std::vector<PageEntry> directory_;
+};
+
+}  // namespace raymill::storage

@@ -1,0 +1,36 @@
+#include "storage/io/store_metadata.h"
+
+#include <nlohmann/json.hpp>
+
+#include "storage/import/scene_import.h"
+
+namespace raymill::storage {
+
+std::string metadata_json(const ImportReport& report) {
+  nlohmann::ordered_json json;
+  json["geometries"] = nlohmann::ordered_json::array();
+  std::uint32_t id = 0;
+  for (const GeometryInfo& geometry : report.geometries) {
+    json["geometries"].push_back({{"geometry_id", id++},
+                                  {"file", geometry.file},
+                                  {"node", geometry.node},
+                                  {"mesh", geometry.mesh},
+                                  {"primitive", geometry.primitive},
+                                  {"triangles", geometry.triangles},
+                                  {"kept", geometry.kept}});
+  }
+  json["cameras"] = nlohmann::ordered_json::array();
+  for (const CameraInfo& camera : report.cameras) {
+    json["cameras"].push_back({{"name", camera.name},
+                               {"perspective", camera.perspective},
+                               {"yfov_radians", camera.yfov_radians},
+                               {"aspect_ratio", camera.aspect_ratio},
+                               {"ymag", camera.ymag},
+                               {"world_from_camera", camera.world_from_camera}});
+  }
+  json["import"] = nlohmann::ordered_json::parse(to_json(report));
+  // Names come from the scene file and may not be UTF-8.
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace raymill::storage

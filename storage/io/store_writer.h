@@ -1,0 +1,39 @@
+// StoreWriter: writes a store file front to back; the file gets its name when everything is in it. Thread-confined.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "storage/base/atomic_file.h"
+#include "storage/base/status.h"
+#include "storage/pages/store_format.h"
+
+namespace raymill::storage {
+
+class StoreWriter {
+ public:
+  /// Errors: those of AtomicFile.
+  static Result<StoreWriter> create(const std::string& path, StoreHeader header);
+
+  /// Appends the next page; pages are numbered as they come.
+  Status add_page(std::span<const std::byte> encoded, std::uint32_t decoded_bytes);
+  /// Writes metadata, directory and footer and commits. The caller fills what describes the scene; offsets, counts of
+  /// pages and bytes, and checksums are filled here.
+  Status finish(StoreFooter footer, const std::string& metadata_json);
+
+  [[nodiscard]] std::uint64_t written_bytes() const { return file_.written_bytes(); }
+  [[nodiscard]] std::uint64_t decoded_bytes() const { return decoded_bytes_; }
+
+ private:
+  StoreWriter(AtomicFile file, const StoreHeader& header) : file_(std::move(file)), header_(header) {}
+  AtomicFile file_;
+  StoreHeader header_;
+  std::vector<PageEntry> directory_;
+  std::uint64_t decoded_bytes_ = 0;
+  std::uint32_t max_encoded_bytes_ = 0;
+};
+
+}  // namespace raymill::storage

@@ -1,0 +1,230 @@
+#include "storage/pages/codec.h"
+
+#include <lz4.h>
+#include <lz4hc.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "storage/pages/draco_geometry.h"
+#include "storage/pages/page_streams.h"
+
+namespace raymill::storage {
+namespace {
+
+constexpr int kZstdLevel = 5;
+
+EncodedHeader encoded_header(const PageHeader& header, Codec codec) {
+  EncodedHeader encoded;
+  encoded.codec = static_cast<std::uint8_t>(codec);
+  encoded.width = header.width;
+  encoded.geometry_index_bytes = header.geometry_index_bytes;
+  encoded.node_count = header.node_count;
+  encoded.ghost_count = header.ghost_count;
+  encoded.external_count = header.external_count;
+  encoded.triangle_count = header.triangle_count;
+  encoded.vertex_count = header.vertex_count;
+  encoded.geometry_count = header.geometry_count;
+  return encoded;
+}
+
+PageHeader page_header(const EncodedHeader& encoded) {
+  PageHeader header;
+  header.width = encoded.width;
+  header.geometry_index_bytes = encoded.geometry_index_bytes;
+  header.node_count = encoded.node_count;
+  header.ghost_count = encoded.ghost_count;
+  header.external_count = encoded.external_count;
+  header.triangle_count = encoded.triangle_count;
+  header.vertex_count = encoded.vertex_count;
+  header.geometry_count = encoded.geometry_count;
+  lay_out(header);
+  return header;
+}
+
+std::vector<std::byte> compress(std::span<const std::byte> bytes, Codec codec) {
+  std::vector<std::byte> out;
+  if (codec == Codec::lz4) {
+    out.resize(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(bytes.size()))));
+    const int size =
+        LZ4_compress_HC(reinterpret_cast<const char*>(bytes.data()), reinterpret_cast<char*>(out.data()),
+                        static_cast<int>(bytes.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT);
+    out.resize(static_cast<std::size_t>(size));
+  } else {
+    out.resize(ZSTD_compressBound(bytes.size()));
+    out.resize(ZSTD_compress(out.data(), out.size(), bytes.data(), bytes.size(), kZstdLevel));
+  }
+  return out;
+}
+
+Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page ") + what}; }
+
+// Streams are planes of the image's own fields, so they are about as large; a Draco map adds a little.
+std::uint64_t streams_limit(std::uint32_t page_bytes) { return 2 * std::uint64_t(page_bytes) + 4096; }
+
+}  // namespace
+
+std::string_view to_string(Codec codec) {
+  switch (codec) {
+    case Codec::raw: return "raw";
+    case Codec::lz4: return "lz4";
+    case Codec::zstd: return "zstd";
+    case Codec::draco: return "draco";
+  }
+  return "unknown";
+}
+
+std::optional<Codec> parse_codec(std::string_view text) {
+  for (const Codec codec : {Codec::raw, Codec::lz4, Codec::zstd, Codec::draco}) {
+    if (text == to_string(codec)) {
+      return codec;
+    }
+  }
+  return std::nullopt;
+}
+
+std::vector<std::byte> encode_page(std::span<const std::byte> image, Codec codec, const PositionKind& positions) {
+  const PageView view(image.data());
+  std::vector<std::byte> streams, mesh, payload;
+  if (codec == Codec::raw) {
+    payload.assign(image.begin() + sizeof(PageHeader), image.end());
+  } else {
+    write_structure(view, streams);
+    if (codec == Codec::draco) {
+      if (auto encoded = encode_draco(view, positions, streams); encoded) {
+        mesh = std::move(*encoded);
+      } else {
+        codec = Codec::zstd;
+      }
+    }
+    if (codec != Codec::draco) {
+      write_geometry(view, positions, streams);
+    }
+    const std::vector<std::byte> compressed = compress(streams, codec);
+    if (codec == Codec::draco) {
+      const auto mesh_bytes = static_cast<std::uint32_t>(mesh.size());
+      payload.resize(sizeof mesh_bytes);
+      std::memcpy(payload.data(), &mesh_bytes, sizeof mesh_bytes);
+      payload.insert(payload.end(), mesh.begin(), mesh.end());
+    }
+    payload.insert(payload.end(), compressed.begin(), compressed.end());
+  }
+  EncodedHeader header = encoded_header(view.header(), codec);
+  header.streams_bytes = static_cast<std::uint32_t>(streams.size());
+  header.payload_bytes = static_cast<std::uint32_t>(payload.size());
+  std::vector<std::byte> out(sizeof header + payload.size());
+  std::memcpy(out.data(), &header, sizeof header);
+  std::copy(payload.begin(), payload.end(), out.begin() + sizeof header);
+  return out;
+}
+
+struct PageDecoder::Scratch {
+  explicit Scratch(std::size_t bytes) : streams(bytes), context(ZSTD_createDCtx()) {}
+  ~Scratch() { ZSTD_freeDCtx(context); }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+
+  // The decompressed streams, or empty where the bytes do not give exactly `expected`.
+  std::optional<std::span<const std::byte>> decompress(std::span<const std::byte> bytes, Codec codec,
+                                                       std::size_t expected) {
+    if (codec == Codec::lz4) {
+      const int size =
+          LZ4_decompress_safe(reinterpret_cast<const char*>(bytes.data()), reinterpret_cast<char*>(streams.data()),
+                              static_cast<int>(bytes.size()), static_cast<int>(expected));
+      if (size < 0 || static_cast<std::size_t>(size) != expected) {
+        return std::nullopt;
+      }
+    } else if (ZSTD_decompressDCtx(context, streams.data(), expected, bytes.data(), bytes.size()) != expected) {
+      return std::nullopt;
+    }
+    return std::span<const std::byte>(streams).first(expected);
+  }
+
+  std::vector<std::byte> streams;
+  ZSTD_DCtx* context;
+};
+
+PageDecoder::PageDecoder(const PageRules& rules, const PositionKind& positions, Codec store_codec)
+    : rules_(rules),
+      positions_(positions),
+      scratch_(std::make_unique<Scratch>(store_codec == Codec::raw ? 0 : streams_limit(rules.page_bytes))) {}
+PageDecoder::~PageDecoder() = default;
+PageDecoder::PageDecoder(PageDecoder&&) noexcept = default;
+
+std::uint64_t PageDecoder::scratch_bytes(std::uint32_t page_bytes, Codec store_codec) {
+  // zstd's context is about 160 KiB; field vectors are at most half a page; Draco's corner tables, attributes and the
+  // face lists take about sixteen times the page's own indices and vertices.
+  constexpr std::uint64_t kContextBytes = 192 << 10;
+  switch (store_codec) {
+    case Codec::raw: return 4096;
+    case Codec::lz4:
+    case Codec::zstd: return kContextBytes + streams_limit(page_bytes) + page_bytes / 2;
+    case Codec::draco: return kContextBytes + streams_limit(page_bytes) + 16 * std::uint64_t(page_bytes);
+  }
+  return 0;
+}
+
+Result<std::uint32_t> PageDecoder::decode(std::span<const std::byte> encoded, std::span<std::byte> frame) {
+  EncodedHeader header;
+  if (encoded.size() < sizeof header) {
+    return corrupt("is shorter than its header");
+  }
+  std::memcpy(&header, encoded.data(), sizeof header);
+  std::span<const std::byte> payload = encoded.subspan(sizeof header);
+  const auto codec = static_cast<Codec>(header.codec);
+  if (header.page_type != kPageTypeTriangles || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
+      header.width != rules_.width || header.geometry_index_bytes > 2 || header.external_count > 0x10000 ||
+      header.triangle_count > 0x10000 || header.vertex_count > 0x10000 || header.geometry_count > 0x10000 ||
+      (header.reserved[0] | header.reserved[1] | header.reserved[2]) != 0) {
+    return corrupt("is of no known type");
+  }
+  const PageHeader image_header = page_header(header);
+  if (header.payload_bytes != payload.size() || image_header.image_bytes > std::min<std::size_t>(frame.size(), rules_.page_bytes) ||
+      header.streams_bytes > scratch_->streams.size()) {
+    return corrupt("has counts that do not fit its size");
+  }
+  const std::span<std::byte> image = frame.first(image_header.image_bytes);
+  std::memcpy(image.data(), &image_header, sizeof image_header);
+  if (codec == Codec::raw) {
+    if (payload.size() != image.size() - sizeof image_header) {
+      return corrupt("has counts that do not fit its size");
+    }
+    std::copy(payload.begin(), payload.end(), image.begin() + sizeof image_header);
+  } else {
+    std::memset(image.data() + sizeof image_header, 0, image.size() - sizeof image_header);
+    std::span<const std::byte> mesh;
+    if (codec == Codec::draco) {
+      std::uint32_t mesh_bytes = 0;
+      if (payload.size() < sizeof mesh_bytes) {
+        return corrupt("is shorter than its Draco mesh");
+      }
+      std::memcpy(&mesh_bytes, payload.data(), sizeof mesh_bytes);
+      payload = payload.subspan(sizeof mesh_bytes);
+      if (mesh_bytes > payload.size() || !positions_.lattice) {
+        return corrupt("is shorter than its Draco mesh");
+      }
+      mesh = payload.first(mesh_bytes);
+      payload = payload.subspan(mesh_bytes);
+    }
+    const auto streams = scratch_->decompress(payload, codec, header.streams_bytes);
+    if (!streams) {
+      return corrupt("cannot be decompressed");
+    }
+    PlaneReader reader(*streams);
+    read_structure(reader, image.data());
+    if (codec == Codec::draco) {
+      RAYMILL_RETURN_IF_ERROR(decode_draco(mesh, reader, positions_, image.data()));
+    } else {
+      read_geometry(reader, positions_, image.data());
+    }
+    if (!reader.exhausted()) {
+      return corrupt("has streams of another length than its counts");
+    }
+  }
+  RAYMILL_RETURN_IF_ERROR(validate_image(image, rules_));
+  return image_header.image_bytes;
+}
+
+}  // namespace raymill::storage

@@ -1,0 +1,119 @@
+#include "traversal/budget_plan.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "storage/base/ledger.h"
+#include "storage/cache/page_cache.h"
+#include "storage/io/page_reader.h"
+#include "storage/pages/codec.h"
+#include "traversal/page_scheduler.h"
+#include "traversal/ray_pool.h"
+#include "traversal/result_window.h"
+#include "traversal/store_tracer.h"
+
+namespace raymill::traversal {
+namespace {
+
+// FACTS: direct random reads gain up to a depth of 8; fewer when memory is scarce.
+constexpr unsigned kReadDepth = 8;
+constexpr unsigned kLeastReadDepth = 2;
+// Stack pages that a thread touches, and what the C library keeps for it.
+constexpr std::uint64_t kThreadBytes = 96 << 10;
+
+constexpr unsigned kLeastChunkShift = 8;   // 256 rays
+constexpr unsigned kMostChunkShift = 16;   // 64 Ki rays: results come back in pieces of about a megabyte
+constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinSlots) << kLeastChunkShift;
+constexpr std::uint64_t kMostRays = std::uint64_t(1) << 23;
+static_assert(kMostRays <= 0xFFFFFFFFu, "a ray's number has 32 bits");
+// Every field and a full bitstack.
+constexpr std::size_t kLargestRow = 36;
+constexpr std::size_t kLargestRecord = 35 + sizeof(Bitstack);
+
+std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned depth) {
+  const std::uint64_t worker =
+      storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
+  return PageScheduler::bytes(store.page_count()) + depth * kThreadBytes + threads * worker;
+}
+
+// What does not depend on the share.
+std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned depth) {
+  return worker_bytes(store, threads, depth) + storage::PreadPool::buffer_bytes(store, depth);
+}
+
+std::uint32_t least_frames(unsigned threads, unsigned depth) { return threads + depth + 2; }
+
+std::uint64_t frame_cost(const storage::StoreFile& store, std::uint32_t frames) {
+  return std::uint64_t(frames) * store.header().page_bytes +
+         storage::PageCache::table_bytes(store.page_count(), frames);
+}
+
+std::uint64_t window_bytes(std::uint64_t rays, std::uint32_t page_count, std::size_t record_bytes,
+                           std::size_t row_bytes) {
+  return page_count * sizeof(RayQueue) + rays * (row_bytes + sizeof(float)) +
+         RayPool::chunks_needed(rays, page_count, record_bytes) * kRayChunkBytes;
+}
+
+std::uint64_t least_job_bytes(const storage::StoreFile& store) {
+  return window_bytes(kLeastRays, store.page_count(), kLargestRecord, kLargestRow);
+}
+
+}  // namespace
+
+std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs) {
+  return fixed_bytes(store, threads, kLeastReadDepth) +
+         frame_cost(store, std::min(store.page_count(), least_frames(threads, kLeastReadDepth))) +
+         max_jobs * least_job_bytes(store);
+}
+
+Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare& share) {
+  const std::uint64_t least = least_share_bytes(store, share.threads, share.max_jobs);
+  if (share.bytes < least) {
+    return {ErrorCode::budget_exceeded, "needs at least " + storage::format_bytes(least) + " beside the process itself, " +
+                                            storage::format_bytes(share.bytes) + " left"};
+  }
+  BudgetPlan plan;
+  // A deep read queue is worth its buffers only where they are small beside the pages.
+  plan.read_depth = kReadDepth;
+  while (plan.read_depth > kLeastReadDepth &&
+         fixed_bytes(store, share.threads, plan.read_depth) +
+                 4 * frame_cost(store, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))) >
+             share.bytes) {
+    --plan.read_depth;
+  }
+  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, plan.read_depth) -
+                             storage::PageCache::table_bytes(store.page_count(), 0);
+  const std::uint64_t per_frame = frame_cost(store, 1) - storage::PageCache::table_bytes(store.page_count(), 0);
+  const std::uint64_t all_frames = store.page_count() * per_frame;
+  const std::uint64_t most_job =
+      share.max_jobs * window_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
+  const std::uint64_t least_jobs = share.max_jobs * least_job_bytes(store);
+  std::uint64_t page_bytes = std::max(rest / 4 * 3, rest - std::min(rest, most_job));
+  page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
+  plan.frame_count = static_cast<std::uint32_t>(
+      std::max<std::uint64_t>(page_bytes / per_frame,
+                              std::min(store.page_count(), least_frames(share.threads, plan.read_depth))));
+  plan.frame_count = std::min(plan.frame_count, store.page_count());
+  plan.worker_bytes = worker_bytes(store, share.threads, plan.read_depth);
+  plan.job_bytes = std::min((rest - plan.frame_count * per_frame) / share.max_jobs, most_job / share.max_jobs);
+  return plan;
+}
+
+WindowPlan plan_window(std::uint64_t job_bytes, std::uint32_t page_count, std::size_t record_bytes,
+                       std::size_t row_bytes) {
+  std::uint64_t low = kLeastRays, high = kMostRays;
+  while (low < high) {
+    const std::uint64_t middle = (low + high + 1) / 2;
+    (window_bytes(middle, page_count, record_bytes, row_bytes) <= job_bytes ? low : high) =
+        window_bytes(middle, page_count, record_bytes, row_bytes) <= job_bytes ? middle : middle - 1;
+  }
+  WindowPlan plan;
+  plan.chunk_shift = std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(low / 8)) - 1, kLeastChunkShift,
+                                          kMostChunkShift);
+  plan.slots = std::max<std::uint32_t>(ResultWindow::kMinSlots, static_cast<std::uint32_t>(low >> plan.chunk_shift));
+  plan.pool_chunks = static_cast<std::uint32_t>(
+      RayPool::chunks_needed(std::uint64_t(plan.slots) << plan.chunk_shift, page_count, record_bytes));
+  return plan;
+}
+
+}  // namespace raymill::traversal

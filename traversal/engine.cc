@@ -1,0 +1,202 @@
+#include "traversal/engine.h"
+
+#include <algorithm>
+#include <climits>
+#include <cstdlib>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "storage/io/store_file.h"
+#include "traversal/budget_plan.h"
+#include "traversal/kernel.h"
+#include "traversal/ray_pool.h"
+#include "traversal/store_tracer.h"
+
+namespace raymill {
+namespace {
+
+using storage::StoreFile;
+using traversal::StoreTracer;
+
+// Code and library pages that are touched only once rays run, allocator slack, small vectors.
+constexpr std::uint64_t kBaseSlackBytes = 5 << 20;
+
+Result<traversal::Isa> choose_isa(const std::string& name) {
+  const std::vector<traversal::Isa> runnable = traversal::runnable_isas();
+  if (name.empty()) {
+    return runnable.front();
+  }
+  std::string list;
+  for (const traversal::Isa isa : runnable) {
+    if (name == to_string(isa)) {
+      return isa;
+    }
+    list += (list.empty() ? "" : ", ") + std::string(to_string(isa));
+  }
+  return {ErrorCode::invalid_argument, "instruction set '" + name + "' is not one that this machine runs: " + list};
+}
+
+std::string canonical(const std::string& path) {
+  char resolved[PATH_MAX];
+  return ::realpath(path.c_str(), resolved) != nullptr ? std::string(resolved) : path;
+}
+
+std::string spill_directory(const std::string& asked) {
+  if (!asked.empty()) {
+    return asked;
+  }
+  const char* temporary = std::getenv("TMPDIR");
+  return temporary != nullptr && *temporary != '\0' ? temporary : "/tmp";
+}
+
+StoreInfo describe(const StoreFile& file) {
+  const storage::StoreHeader& header = file.header();
+  const storage::StoreFooter& footer = file.footer();
+  StoreInfo info;
+  info.name = file.path();
+  info.format_version = header.format_version;
+  const auto feature = [&](storage::Feature bit, const char* name) {
+    if ((header.features & static_cast<std::uint64_t>(bit)) != 0) {
+      info.features.emplace_back(name);
+    }
+  };
+  feature(storage::Feature::triangles, "triangles");
+  feature(storage::Feature::geometry_ids, "geometry_ids");
+  feature(storage::Feature::lattice, "lattice");
+  info.bounds_min = footer.bounds_min;
+  info.bounds_max = footer.bounds_max;
+  info.triangles = footer.triangle_count;
+  info.nodes = footer.node_count;
+  info.pages = footer.page_count;
+  info.geometries = footer.geometry_count;
+  info.levels = footer.levels;
+  info.page_bytes = header.page_bytes;
+  info.store_bytes = footer.file_bytes;
+  info.decoded_bytes = footer.decoded_bytes;
+  info.codec = to_string(file.codec());
+  info.width = header.width;
+  info.positions = file.positions_text();
+  return info;
+}
+
+}  // namespace
+
+class Engine::Impl {
+ public:
+  Impl(const EngineConfig& config, traversal::Isa isa, unsigned threads)
+      : config_(config), isa_(isa), threads_(threads), ledger_(config.memory) {}
+
+  Status claim_base() {
+    base_bytes_ = storage::resident_bytes() + kBaseSlackBytes;
+    auto base = ledger_.claim(storage::Tag::base, base_bytes_);
+    if (!base) {
+      return {ErrorCode::budget_exceeded, "the process itself needs at least " + storage::format_bytes(base_bytes_) +
+                                              ", " + storage::format_bytes(config_.memory) +
+                                              " given; raise the memory limit"};
+    }
+    base_ = std::move(*base);
+    return {};
+  }
+
+  // A store that is open already is shared.
+  Result<std::shared_ptr<StoreTracer>> open(const std::string& path) {
+    const std::lock_guard lock(mutex_);
+    const std::string key = canonical(path);
+    std::erase_if(open_, [](const auto& entry) { return entry.second.expired(); });
+    if (auto tracer = open_[key].lock(); tracer) {
+      return tracer;
+    }
+    open_.erase(key);
+    if (open_.size() >= config_.max_stores) {
+      return {ErrorCode::busy_retry, path + ": " + std::to_string(open_.size()) +
+                                         " stores are open, as many as there is page memory for; close one first"};
+    }
+    RAYMILL_ASSIGN_OR_RETURN(std::shared_ptr<const StoreFile> file, StoreFile::open(path, ledger_));
+    StoreTracer::Config config;
+    config.share = {ledger_.free_bytes() / (config_.max_stores - open_.size()), threads_, config_.max_jobs};
+    config.isa = isa_;
+    config.spill_directory = spill_directory(config_.spill_directory);
+    if (config.share.bytes < traversal::least_share_bytes(*file, threads_, config_.max_jobs)) {
+      return {ErrorCode::budget_exceeded,
+              path + ": needs at least " + storage::format_bytes(least_memory(*file)) + " of memory, " +
+                  storage::format_bytes(config_.memory) + " given; raise --memory"};
+    }
+    auto tracer = StoreTracer::create(std::move(file), config, ledger_);
+    if (tracer) {
+      open_[key] = *tracer;
+    }
+    return tracer;
+  }
+
+  // Of a process like this one, with this store alone.
+  [[nodiscard]] std::uint64_t least_memory(const StoreFile& file) const {
+    const std::uint64_t directory = file.page_count() * sizeof(storage::PageEntry);
+    const std::uint64_t least = base_bytes_ + (directory + traversal::least_share_bytes(file, threads_, config_.max_jobs)) *
+                                                  config_.max_stores;
+    return (least + mebibytes(1) - 1) / mebibytes(1) * mebibytes(1);
+  }
+
+ private:
+  const EngineConfig config_;
+  const traversal::Isa isa_;
+  const unsigned threads_;
+  storage::Ledger ledger_;
+  std::uint64_t base_bytes_ = 0;
+  storage::BudgetReservation base_;
+  std::mutex mutex_;
+  std::map<std::string, std::weak_ptr<StoreTracer>> open_;
+};
+
+namespace {
+
+template <typename Impl>
+class EngineStore final : public Store {
+ public:
+  EngineStore(std::shared_ptr<Impl> engine, std::shared_ptr<StoreTracer> tracer)
+      : engine_(std::move(engine)), tracer_(std::move(tracer)) {}
+
+  [[nodiscard]] Result<StoreInfo> info() const override {
+    StoreInfo info = describe(tracer_->file());
+    info.least_memory_bytes = engine_->least_memory(tracer_->file());
+    RAYMILL_ASSIGN_OR_RETURN(info.metadata_json, tracer_->file().read_metadata());
+    return info;
+  }
+  Result<std::unique_ptr<Job>> trace(const TraceConfig& config) override { return tracer_->start(config, tracer_); }
+
+ private:
+  std::shared_ptr<Impl> engine_;  // holds the ledger that the tracer's claims go back to
+  std::shared_ptr<StoreTracer> tracer_;
+};
+
+}  // namespace
+
+Engine::Engine(std::shared_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Engine::~Engine() = default;
+
+Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
+  RAYMILL_ASSIGN_OR_RETURN(const traversal::Isa isa, choose_isa(config.isa));
+  const unsigned threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
+  if (threads > traversal::kMostBatches || config.max_jobs == 0 || config.max_stores == 0) {
+    return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostBatches) +
+                                             " threads, and at least one job and one store"};
+  }
+  auto impl = std::make_shared<Impl>(config, isa, threads);
+  RAYMILL_RETURN_IF_ERROR(impl->claim_base());
+  return std::unique_ptr<Engine>(new Engine(std::move(impl)));
+}
+
+Result<std::shared_ptr<Store>> Engine::open(const std::string& path) {
+  RAYMILL_ASSIGN_OR_RETURN(std::shared_ptr<StoreTracer> tracer, impl_->open(path));
+  return std::shared_ptr<Store>(std::make_shared<EngineStore<Impl>>(impl_, std::move(tracer)));
+}
+
+std::vector<std::string> available_isas() {
+  std::vector<std::string> names;
+  for (const traversal::Isa isa : traversal::runnable_isas()) {
+    names.emplace_back(to_string(isa));
+  }
+  return names;
+}
+
+}  // namespace raymill

@@ -1,0 +1,56 @@
+// Kernel: runs a batch of rays through the resident pages until each is done or stands before a page that is not there.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "traversal/query.h"
+#include "traversal/ray_state.h"
+
+namespace raymill::traversal {
+
+struct KernelCounters {
+  std::uint64_t nodes_visited = 0;
+  std::uint64_t triangles_tested = 0;
+};
+
+/// What a kernel reads. Plain data; the pages found through `images` must stay until the call returns.
+struct KernelContext {
+  const std::atomic<const std::byte*>* images = nullptr;  ///< [page_count]; null: not resident
+  std::atomic<std::uint8_t>* touched = nullptr;           ///< [page_count]; set when a ray enters a page
+  const RowTable* rows = nullptr;
+  bool need_normal = false;
+  KernelCounters counters;
+  bool corrupt = false;  ///< set when a reference leads to a node that cannot be its target
+};
+
+/// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.
+using Kernel = void (*)(KernelContext& context, std::span<RayState> rays);
+
+struct KernelChoice {
+  Query query = Query::closest;
+  Mode mode = Mode::watertight;
+  unsigned width = 8;
+  bool wide_stack = true;  ///< 128 bits; 64 suffice where width x levels <= 64
+};
+
+enum class Isa : std::uint8_t { scalar, avx2 };
+std::string_view to_string(Isa isa);
+/// Those this machine can run, best first.
+std::vector<Isa> runnable_isas();
+
+Kernel find_kernel(Isa isa, const KernelChoice& choice);
+
+/// One table of kernels for each ISA, defined in kernels/.
+namespace scalar {
+Kernel find_kernel(const KernelChoice& choice);
+}
+namespace avx2 {
+Kernel find_kernel(const KernelChoice& choice);
+}
+
+}  // namespace raymill::traversal

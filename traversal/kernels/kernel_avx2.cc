@@ -1,0 +1,10 @@
+// The kernels for avx2; see kernel-inl.h.
+#define RAYMILL_ISA avx2
+#include "traversal/simd/avx2.h"
+#include "traversal/kernels/kernel-inl.h"
+
+namespace raymill::traversal::avx2 {
+
+Kernel find_kernel(const KernelChoice& choice) { return select_kernel(choice); }
+
+}  // namespace raymill::traversal::avx2

@@ -1,0 +1,10 @@
+// The kernels for scalar; see kernel-inl.h.
+#define RAYMILL_ISA scalar
+#include "traversal/simd/scalar.h"
+#include "traversal/kernels/kernel-inl.h"
+
+namespace raymill::traversal::scalar {
+
+Kernel find_kernel(const KernelChoice& choice) { return select_kernel(choice); }
+
+}  // namespace raymill::traversal::scalar

@@ -1,0 +1,191 @@
+// Ray-triangle tests, compiled once per ISA. The includer defines RAYMILL_ISA and includes its simd header first.
+//
+// watertight: Woop, Benthin, Wald 2013 (JCGT 2(1)), eq. 1-5, decided in float64. Where we differ: the paper computes
+// the edge functions in float32 and falls back to float64 only where one is zero; here float32 only rejects, by more
+// than its proven error, and every triangle that it cannot reject is decided in float64. So the answer is that of a
+// float64 Woop test, at nearly the price of the float32 one.
+//
+// fast: Moeller, Trumbore 1997, float32.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "traversal/query.h"
+#include "traversal/slab.h"
+
+namespace raymill::traversal::RAYMILL_ISA {
+
+using Float8 = Floats<8>;
+
+/// What of a ray does not change while it is traced.
+struct RayFrame {
+  std::array<float, 3> org;
+  std::array<float, 3> dir;
+  std::array<float, 3> rdir;
+  unsigned octant;  // bit axis: dir is negative there
+  // Woop's shear: kz is the axis of dir's largest magnitude.
+  int kx, ky, kz;
+  float sx, sy;
+};
+
+inline RayFrame make_frame(const std::array<float, 3>& org, const std::array<float, 3>& dir) {
+  RayFrame frame{};
+  frame.org = org;
+  frame.dir = dir;
+  for (int axis = 0; axis < 3; ++axis) {
+    frame.rdir[axis] = 1.0F / dir[axis];
+    frame.octant |= static_cast<unsigned>(std::signbit(dir[axis])) << axis;
+  }
+  const float ax = std::fabs(dir[0]), ay = std::fabs(dir[1]), az = std::fabs(dir[2]);
+  frame.kz = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
+  frame.kx = frame.kz == 2 ? 0 : frame.kz + 1;
+  frame.ky = frame.kx == 2 ? 0 : frame.kx + 1;
+  frame.sx = dir[frame.kx] / dir[frame.kz];
+  frame.sy = dir[frame.ky] / dir[frame.kz];
+  return frame;
+}
+
+/// Up to eight triangles: corner k of triangle i is vertices[index[k][i]].
+struct LeafBlock {
+  const float* vertices;  // xyz after xyz
+  std::array<std::array<std::int32_t, 8>, 3> index;  // of the corner's x in `vertices`
+};
+
+/// A hit before it is compared with the best so far.
+struct Candidate {
+  double t = 0, u = 0, v = 0;
+};
+
+using Corners = std::array<std::array<float, 3>, 3>;
+
+inline Corners corners_of(const LeafBlock& leaf, int lane) {
+  Corners corners;
+  for (int k = 0; k < 3; ++k) {
+    const float* p = leaf.vertices + leaf.index[k][lane];
+    corners[k] = {p[0], p[1], p[2]};
+  }
+  return corners;
+}
+
+// Lanes that the float32 edge functions cannot reject.
+//
+// With u = 2^-24, |S| <= 1 and M the largest |corner - org|: a sheared coordinate fl(fl(ax - ox) - fl(S * fl(az - oz)))
+// is off by at most u (1 + 3 + 2) M (1 + O(u)) < 7 u M. An edge function Cx*By - Cy*Bx of sheared coordinates of
+// magnitude at most L is then off by at most 4 * 7 u L M + 4 u L^2 (products and difference) <= 32 u L M (1 + O(u)),
+// and L <= 2 M. M <= L + Z with Z the largest |z - oz|, up to u. So more than 2^-18 L (L + Z) = 64 u L (L + Z) away
+// from zero the float32 sign is the sign in float64, whose own error is 2^-29 of that. The constant added keeps the
+// bound above what denormal products lose. NaN and infinity compare false: such lanes go to the float64 test.
+inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf) {
+  const Float8 ox = Float8::broadcast(ray.org[ray.kx]), oy = Float8::broadcast(ray.org[ray.ky]),
+               oz = Float8::broadcast(ray.org[ray.kz]);
+  const Float8 sx = Float8::broadcast(ray.sx), sy = Float8::broadcast(ray.sy);
+  const Float8 az = Float8::gather(leaf.vertices + ray.kz, leaf.index[0]) - oz;
+  const Float8 bz = Float8::gather(leaf.vertices + ray.kz, leaf.index[1]) - oz;
+  const Float8 cz = Float8::gather(leaf.vertices + ray.kz, leaf.index[2]) - oz;
+  const Float8 ax = Float8::gather(leaf.vertices + ray.kx, leaf.index[0]) - ox - sx * az;
+  const Float8 bx = Float8::gather(leaf.vertices + ray.kx, leaf.index[1]) - ox - sx * bz;
+  const Float8 cx = Float8::gather(leaf.vertices + ray.kx, leaf.index[2]) - ox - sx * cz;
+  const Float8 ay = Float8::gather(leaf.vertices + ray.ky, leaf.index[0]) - oy - sy * az;
+  const Float8 by = Float8::gather(leaf.vertices + ray.ky, leaf.index[1]) - oy - sy * bz;
+  const Float8 cy = Float8::gather(leaf.vertices + ray.ky, leaf.index[2]) - oy - sy * cz;
+  const Float8 u = cx * by - cy * bx;
+  const Float8 v = ax * cy - ay * cx;
+  const Float8 w = bx * ay - by * ax;
+  const Float8 z = max_keep(max_keep(abs(az), abs(bz)), abs(cz));
+  const Float8 l = max_keep(max_keep(max_keep(abs(ax), abs(ay)), max_keep(abs(bx), abs(by))),
+                            max_keep(abs(cx), abs(cy)));
+  const Float8 bound = Float8::broadcast(0x1p-18F) * l * (l + z) + Float8::broadcast(0x1p-120F);
+  const Float8 low = min_keep(min_keep(u, v), w);
+  const Float8 high = max_keep(max_keep(u, v), w);
+  const Float8 minus_bound = Float8::broadcast(0.0F) - bound;
+  const unsigned rejected = less(low, minus_bound) & less(bound, high);
+  return ~rejected & 0xFFU;
+}
+
+// The decision. Corners minus org are exact or rounded once in float64; an edge shared by two triangles gives both the
+// same value with opposite sign, and a zero counts as inside for both, so nothing passes between them.
+inline bool woop_decide(const RayFrame& ray, const Corners& corners, Candidate& hit) {
+  const double dz = ray.dir[ray.kz];
+  const double sx = ray.dir[ray.kx] / dz, sy = ray.dir[ray.ky] / dz, sz = 1.0 / dz;
+  std::array<double, 3> x, y, z;
+  for (int k = 0; k < 3; ++k) {
+    z[k] = double(corners[k][ray.kz]) - ray.org[ray.kz];
+    x[k] = double(corners[k][ray.kx]) - ray.org[ray.kx] - sx * z[k];
+    y[k] = double(corners[k][ray.ky]) - ray.org[ray.ky] - sy * z[k];
+  }
+  const double u = x[2] * y[1] - y[2] * x[1];
+  const double v = x[0] * y[2] - y[0] * x[2];
+  const double w = x[1] * y[0] - y[1] * x[0];
+  if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) {
+    return false;
+  }
+  const double det = u + v + w;
+  if (det == 0) {
+    return false;  // the ray lies in the triangle's plane
+  }
+  hit.t = (u * (sz * z[0]) + v * (sz * z[1]) + w * (sz * z[2])) / det;
+  hit.u = v / det;
+  hit.v = w / det;
+  return true;
+}
+
+struct MoellerTrumbore {
+  std::array<float, 8> t, u, v;
+  unsigned hits;
+};
+
+inline MoellerTrumbore moeller_trumbore(const RayFrame& ray, const LeafBlock& leaf) {
+  std::array<Float8, 3> v0, e1, e2, dir, s, p, q;
+  for (int axis = 0; axis < 3; ++axis) {
+    v0[axis] = Float8::gather(leaf.vertices + axis, leaf.index[0]);
+    e1[axis] = Float8::gather(leaf.vertices + axis, leaf.index[1]) - v0[axis];
+    e2[axis] = Float8::gather(leaf.vertices + axis, leaf.index[2]) - v0[axis];
+    dir[axis] = Float8::broadcast(ray.dir[axis]);
+    s[axis] = Float8::broadcast(ray.org[axis]) - v0[axis];
+  }
+  const auto cross = [](const std::array<Float8, 3>& a, const std::array<Float8, 3>& b) {
+    return std::array<Float8, 3>{a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+  };
+  const auto dot = [](const std::array<Float8, 3>& a, const std::array<Float8, 3>& b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  };
+  p = cross(dir, e2);
+  q = cross(s, e1);
+  const Float8 inverse = Float8::broadcast(1.0F) / dot(e1, p);
+  const Float8 u = dot(s, p) * inverse;
+  const Float8 v = dot(dir, q) * inverse;
+  const Float8 t = dot(e2, q) * inverse;
+  const Float8 zero = Float8::broadcast(0.0F);
+  MoellerTrumbore result;
+  // A zero determinant gives NaN or infinity, which no comparison lets through.
+  result.hits = less_equal(zero, u) & less_equal(zero, v) & less_equal(u + v, Float8::broadcast(1.0F));
+  t.store(result.t.data());
+  u.store(result.u.data());
+  v.store(result.v.data());
+  return result;
+}
+
+struct Interval {
+  float entry, exit;
+};
+
+// The triangle's own box by the formula of the nodes (slab.h); min_keep and max_keep spelled out for one lane.
+inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
+  Interval interval{-INFINITY, INFINITY};
+  for (int axis = 0; axis < 3; ++axis) {
+    const float a = corners[0][axis], b = corners[1][axis], c = corners[2][axis];
+    const float low = a < b ? (a < c ? a : c) : (b < c ? b : c);
+    const float high = a > b ? (a > c ? a : c) : (b > c ? b : c);
+    const bool negative = (ray.octant >> axis & 1) != 0;
+    const float near = ((negative ? high : low) - ray.org[axis]) * ray.rdir[axis];
+    const float far = ((negative ? low : high) - ray.org[axis]) * ray.rdir[axis];
+    interval.entry = near > interval.entry ? near : interval.entry;
+    interval.exit = far < interval.exit ? far : interval.exit;
+  }
+  interval.exit = interval.exit + std::fabs(interval.exit) * kExitPad;
+  return interval;
+}
+
+}  // namespace raymill::traversal::RAYMILL_ISA

@@ -1,0 +1,155 @@
+#include "traversal/query.h"
+
+#include <utility>
+
+namespace raymill {
+namespace {
+
+struct NamedField {
+  Field field;
+  std::string_view name;
+};
+constexpr NamedField kFieldNames[] = {
+    {Field::t, "t"},
+    {Field::uv, "uv"},
+    {Field::primitive_id, "primitive_id"},
+    {Field::geometry_id, "geometry_id"},
+    {Field::instance_id, "instance_id"},
+    {Field::normal, "normal"},
+};
+
+template <typename T>
+void put(std::byte*& at, const T& value) {
+  std::memcpy(at, &value, sizeof value);
+  at += sizeof value;
+}
+
+template <typename T>
+void get(const std::byte*& at, T& value) {
+  std::memcpy(&value, at, sizeof value);
+  at += sizeof value;
+}
+
+// Calls step(member) for each asked member of a hit, in the row's order.
+template <typename HitType, typename Step>
+void for_each_member(Field fields, HitType& hit, Step&& step) {
+  if (has(fields, Field::t)) {
+    step(hit.t);
+  }
+  if (has(fields, Field::uv)) {
+    step(hit.u);
+    step(hit.v);
+  }
+  if (has(fields, Field::primitive_id)) {
+    step(hit.primitive_id);
+  }
+  if (has(fields, Field::geometry_id)) {
+    step(hit.geometry_id);
+  }
+  if (has(fields, Field::instance_id)) {
+    step(hit.instance_id);
+  }
+  if (has(fields, Field::normal)) {
+    step(hit.normal);
+  }
+}
+
+}  // namespace
+
+HitLayout::HitLayout(Field fields) : fields_(fields) {
+  Hit hit;
+  for_each_member(fields, hit, [this](const auto& member) { row_bytes_ += sizeof member; });
+}
+
+void HitLayout::write(const Hit& hit, std::byte* row) const {
+  for_each_member(fields_, hit, [&row](const auto& member) { put(row, member); });
+}
+
+Hit HitLayout::read(const std::byte* row) const {
+  Hit hit;
+  for_each_member(fields_, hit, [&row](auto& member) { get(row, member); });
+  return hit;
+}
+
+std::string HitLayout::numpy_descr() const {
+  std::string text = "[";
+  const auto column = [&text](std::string_view name, std::string_view type, std::string_view shape = "") {
+    text += text.size() > 1 ? ", " : "";
+    text += "('" + std::string(name) + "', '" + std::string(type) + "'" + std::string(shape) + ")";
+  };
+  if (has(fields_, Field::t)) {
+    column("t", "<f4");
+  }
+  if (has(fields_, Field::uv)) {
+    column("u", "<f4");
+    column("v", "<f4");
+  }
+  if (has(fields_, Field::primitive_id)) {
+    column("primitive_id", "<u4");
+  }
+  if (has(fields_, Field::geometry_id)) {
+    column("geometry_id", "<u4");
+  }
+  if (has(fields_, Field::instance_id)) {
+    column("instance_id", "<u4");
+  }
+  if (has(fields_, Field::normal)) {
+    column("normal", "<f4", ", (3,)");
+  }
+  return text + "]";
+}
+
+std::string_view to_string(Query query) { return query == Query::closest ? "closest" : "any"; }
+std::string_view to_string(Mode mode) { return mode == Mode::watertight ? "watertight" : "fast"; }
+
+std::string to_string(Field fields) {
+  std::string text;
+  for (const NamedField& named : kFieldNames) {
+    if (has(fields, named.field)) {
+      text += (text.empty() ? "" : ",") + std::string(named.name);
+    }
+  }
+  return text;
+}
+
+Result<Query> parse_query(std::string_view text) {
+  for (const Query query : {Query::closest, Query::any}) {
+    if (text == to_string(query)) {
+      return query;
+    }
+  }
+  return {ErrorCode::invalid_argument, "query '" + std::string(text) + "' is neither closest nor any"};
+}
+
+Result<Mode> parse_mode(std::string_view text) {
+  for (const Mode mode : {Mode::watertight, Mode::fast}) {
+    if (text == to_string(mode)) {
+      return mode;
+    }
+  }
+  return {ErrorCode::invalid_argument, "mode '" + std::string(text) + "' is neither watertight nor fast"};
+}
+
+Result<Field> parse_fields(std::string_view text) {
+  Field fields = Field::none;
+  while (!text.empty()) {
+    const std::size_t comma = text.find(',');
+    const std::string_view name = text.substr(0, comma);
+    text = comma == std::string_view::npos ? std::string_view{} : text.substr(comma + 1);
+    Field field = name == "ids" ? Field::ids : name == "u" || name == "v" ? Field::uv : Field::none;
+    for (const NamedField& named : kFieldNames) {
+      field = name == named.name ? named.field : field;
+    }
+    if (field == Field::none) {
+      return {ErrorCode::invalid_argument,
+              "field '" + std::string(name) + "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids"};
+    }
+    fields = fields | field;
+  }
+  if (fields == Field::none) {
+    return {ErrorCode::invalid_argument, "no field is named; give some of t, uv, primitive_id, geometry_id, normal"};
+  }
+  return fields;
+}
+
+}  // namespace raymill

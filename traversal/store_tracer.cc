@@ -1,0 +1,321 @@
+#include "traversal/store_tracer.h"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <xmmintrin.h>
+
+#include "storage/pages/codec.h"
+#include "traversal/engine_job.h"
+#include "traversal/trace_job.h"
+
+namespace raymill::traversal {
+namespace {
+
+// Evicting a page for fewer waiting rays than this waits until nothing else is to be done.
+constexpr std::uint32_t kLeastRaysToEvict = 32;
+
+}  // namespace
+
+// What a worker owns.
+struct StoreTracer::Worker {
+  Worker(unsigned index_in, const storage::StoreFile& file)
+      : index(index_in), decoder(file.rules(), file.positions(), file.codec()) {
+    rays.reserve(kBatchRays + 64);
+    parked.reserve(kBatchRays + 64);
+  }
+  const unsigned index;
+  storage::PageDecoder decoder;
+  std::vector<RayState> rays;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> parked;  // page, index in rays
+};
+
+Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const storage::StoreFile> file,
+                                                         const Config& config, storage::Ledger& ledger) {
+  std::shared_ptr<StoreTracer> tracer(new StoreTracer(std::move(file), config, ledger));
+  RAYMILL_RETURN_IF_ERROR(tracer->init());
+  return tracer;
+}
+
+StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config,
+                         storage::Ledger& ledger)
+    : file_(std::move(file)),
+      config_(config),
+      ledger_(ledger),
+      scheduler_(file_->page_count()),
+      was_read_(file_->page_count()) {}
+
+Status StoreTracer::init() {
+  RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, config_.share));
+  const unsigned threads = config_.share.threads;
+  storage::PageCache::Config cache{file_->page_count(), file_->header().page_bytes, plan_.frame_count, threads};
+  RAYMILL_ASSIGN_OR_RETURN(cache_, storage::PageCache::create(cache, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(reader_, storage::PreadPool::create(file_, plan_.read_depth, ledger_,
+                                                               [this](storage::PageArrival a) { on_arrival(a); }));
+  RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes));
+  for (unsigned i = 0; i < threads; ++i) {
+    threads_.emplace_back([this, i] { work(i); });
+  }
+  return {};
+}
+
+StoreTracer::~StoreTracer() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  work_wake_.notify_all();
+  for (std::thread& thread : threads_) {
+    thread.join();
+  }
+  reader_.reset();  // its threads call on_arrival until they are gone
+}
+
+Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::shared_ptr<StoreTracer> self) {
+  TraceJob::Setup setup;
+  setup.config = config;
+  if (config.query == Query::any) {
+    setup.config.fields = Field::t;
+  }
+  if (setup.config.fields == Field::none) {
+    return {ErrorCode::invalid_argument, "a job needs at least one field"};
+  }
+  const storage::PageRules rules = file_->rules();
+  const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64};
+  setup.kernel = find_kernel(config_.isa, choice);
+  setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
+                      (choice.wide_stack ? "128" : "64") + "/" + std::string(to_string(config.mode)) + "/" +
+                      std::string(to_string(config_.isa));
+  setup.layout = RecordLayout(RecordLayout::stack_bytes(rules.width, rules.levels));
+  setup.page_count = rules.page_count;
+
+  ResultWindow::Config window;
+  window.asked = HitLayout(setup.config.fields);
+  // Ties are broken by ids: they are kept wherever the choice could show, and t with them.
+  const bool ties_show = config.query == Query::closest && setup.config.fields != Field::t;
+  window.kept = HitLayout(ties_show ? setup.config.fields | Field::t | Field::ids : setup.config.fields);
+  window.spill_directory = config_.spill_directory;
+  const WindowPlan plan =
+      plan_window(plan_.job_bytes, rules.page_count, setup.layout.bytes(), window.kept.row_bytes());
+  window.chunk_shift = plan.chunk_shift;
+  window.slots = plan.slots;
+
+  const std::lock_guard lock(mutex_);
+  if (jobs_.size() >= config_.share.max_jobs) {
+    return {ErrorCode::busy_retry, file_->path() + ": " + std::to_string(jobs_.size()) +
+                                       " jobs are running, as many as there is ray memory for; try again later"};
+  }
+  RAYMILL_ASSIGN_OR_RETURN(setup.queues_claim,
+                           ledger_.claim(storage::Tag::rays, setup.page_count * sizeof(RayQueue)));
+  RAYMILL_ASSIGN_OR_RETURN(setup.pool, RayPool::create(setup.layout.bytes(), plan.pool_chunks, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(window, ledger_));
+  auto job = std::make_shared<TraceJob>(std::move(setup));
+  jobs_.push_back(job);
+  return std::unique_ptr<Job>(std::make_unique<EngineJob>(std::move(self), std::move(job)));
+}
+
+PageState StoreTracer::state_of(storage::PageId page) const {
+  return cache_->resident(page) ? PageState::resident
+         : cache_->absent(page) ? PageState::absent
+                                : PageState::reading;
+}
+
+void StoreTracer::work(unsigned index) {
+  // The caller's FTZ and DAZ settings are inherited by threads; answers must not depend on them.
+  _mm_setcsr(0x1F80);
+  Worker worker(index, *file_);
+  std::unique_lock lock(mutex_);
+  while (true) {
+    work_wake_.wait(lock, [this] { return stopping_ || !arrivals_.empty() || scheduler_.has_ready(); });
+    if (stopping_) {
+      return;
+    }
+    if (!arrivals_.empty()) {
+      handle_arrival(worker, lock);
+    } else if (const auto page = scheduler_.take_ready(); page) {
+      run_batch(worker, *page, lock);
+    }
+    pump_reads();
+  }
+}
+
+void StoreTracer::on_arrival(storage::PageArrival arrival) {
+  {
+    const std::lock_guard lock(mutex_);
+    arrivals_.push_back(std::move(arrival));
+  }
+  work_wake_.notify_one();
+}
+
+// Starts reads for the pages that most rays wait for, as long as there are frames to put them into.
+void StoreTracer::pump_reads() {
+  while (leases_.size() < plan_.read_depth) {
+    const bool idle = !scheduler_.has_ready() && arrivals_.empty();
+    const auto page = scheduler_.next_wanted(idle || cache_->has_free_frame() ? 1 : kLeastRaysToEvict);
+    if (!page) {
+      return;
+    }
+    const auto lease = cache_->begin_read(*page, scheduler_.demand());
+    if (!lease) {
+      return;
+    }
+    scheduler_.reading(*page);
+    leases_.push_back(*lease);
+    reader_->start(*page);
+  }
+}
+
+void StoreTracer::handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock) {
+  const storage::PageArrival arrival = std::move(arrivals_.back());
+  arrivals_.pop_back();
+  const auto lease_at = std::find_if(leases_.begin(), leases_.end(),
+                                     [&](const storage::FrameLease& l) { return l.page == arrival.page; });
+  assert(lease_at != leases_.end());
+  const storage::FrameLease lease = *lease_at;
+  lock.unlock();
+  Status status = arrival.status;
+  if (status.ok()) {
+    status = file_->check_page(arrival.page, arrival.encoded);
+  }
+  if (status.ok()) {
+    if (const auto size = worker.decoder.decode(arrival.encoded, lease.bytes); !size) {
+      status = file_->page_fault(arrival.page, size.status());
+    }
+  }
+  reader_->release(arrival);
+  lock.lock();
+  leases_.erase(std::find_if(leases_.begin(), leases_.end(),
+                             [&](const storage::FrameLease& l) { return l.page == arrival.page; }));
+  ++stats_.pages_read;
+  stats_.bytes_read += arrival.encoded.size();
+  if (!was_read_[index_of(arrival.page)]) {
+    was_read_[index_of(arrival.page)] = true;
+    ++stats_.distinct_pages;
+  }
+  if (status.ok()) {
+    cache_->publish(lease);
+  } else {
+    cache_->abandon(lease);
+    fail_waiting(arrival.page, status);
+  }
+  scheduler_.arrived(arrival.page, status.ok());
+  if (scheduler_.has_ready()) {
+    work_wake_.notify_one();
+  }
+}
+
+void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock) {
+  // The next job, in turn, that has rays here.
+  std::shared_ptr<TraceJob> job;
+  for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
+    const auto& candidate = jobs_[(next_job_ + i) % jobs_.size()];
+    if (candidate->queues[index_of(page)].count > 0) {
+      job = candidate;
+      next_job_ = (next_job_ + i + 1) % jobs_.size();
+    }
+  }
+  if (!job) {
+    return;
+  }
+  RayQueue batch = job->pool->take(job->queues[index_of(page)], kBatchRays);
+  scheduler_.remove(page, batch.count);
+  scheduler_.give_back(page);
+  if (scheduler_.has_ready()) {
+    work_wake_.notify_one();
+  }
+  ++job->batches_out;
+  storage::PagePin pin = cache_->pin(worker.index);
+  lock.unlock();
+
+  const RowTable& rows = job->window->rows();
+  worker.rays.clear();
+  job->pool->for_each(batch, [&](const std::byte* record) {
+    RayState& ray = worker.rays.emplace_back();
+    job->layout.unpack(record, ray);
+    ray.tnear = rows.tnear(ray.number);
+    ray.page = index_of(page);
+  });
+  KernelContext context;
+  context.images = cache_->images();
+  context.touched = cache_->touched();
+  context.rows = &rows;
+  context.need_normal = has(job->config.fields, Field::normal);
+  job->kernel(context, worker.rays);
+  pin.release();
+  worker.parked.clear();
+  for (std::uint32_t i = 0; i < worker.rays.size(); ++i) {
+    const RayState& ray = worker.rays[i];
+    if (ray.improved) {
+      rows.layout.write(ray.hit, rows.row(ray.number));
+    }
+    if (!ray.done) {
+      worker.parked.emplace_back(ray.page, i);
+    }
+  }
+  std::sort(worker.parked.begin(), worker.parked.end());
+
+  lock.lock();
+  --job->batches_out;
+  job->pool->release(batch);
+  job->stats.nodes_visited += context.counters.nodes_visited;
+  job->stats.triangles_tested += context.counters.triangles_tested;
+  if (context.corrupt && job->status.ok()) {
+    job->status = {ErrorCode::corrupt, file_->path() + ": has pages whose references do not fit each other; build it "
+                                                       "again (`raymill verify` names the page)"};
+  }
+  if (job->status.ok()) {
+    settle(worker, *job);
+  } else {
+    remove_job(*job);
+  }
+  job->changed.notify_all();
+}
+
+// Done rays complete their chunks; the others join the queues of the pages they need.
+void StoreTracer::settle(Worker& worker, TraceJob& job) {
+  for (const RayState& ray : worker.rays) {
+    if (ray.done) {
+      job.window->complete(ray.number);
+      ++job.rays_done;
+      job.stats.hits += ray.has_hit ? 1 : 0;
+    }
+  }
+  job.last_done = std::chrono::steady_clock::now();
+  job.stats.rays_parked += worker.parked.size();
+  for (std::size_t i = 0; i < worker.parked.size();) {
+    const storage::PageId page{worker.parked[i].first};
+    RayQueue& queue = job.queues[index_of(page)];
+    const std::size_t begin = i;
+    for (; i < worker.parked.size() && worker.parked[i].first == index_of(page); ++i) {
+      std::byte* record = job.pool->append(queue);
+      assert(record != nullptr);
+      job.layout.pack(worker.rays[worker.parked[i].second], record);
+    }
+    scheduler_.add(page, static_cast<std::uint32_t>(i - begin), state_of(page));
+  }
+}
+
+void StoreTracer::fail_waiting(storage::PageId page, const Status& status) {
+  const auto jobs = jobs_;  // remove_job changes the list
+  for (const auto& job : jobs) {
+    if (job->queues[index_of(page)].count > 0) {
+      job->status = job->status.ok() ? status : job->status;
+      remove_job(*job);
+      job->changed.notify_all();
+    }
+  }
+}
+
+// Takes a job that has ended out of the queues. Rays that a worker holds are dropped when it comes back.
+void StoreTracer::remove_job(TraceJob& job) {
+  for (std::uint32_t page = 0; page < job.queues.size(); ++page) {
+    if (RayQueue& queue = job.queues[page]; queue.count > 0) {
+      scheduler_.remove(storage::PageId{page}, queue.count);
+      job.pool->release(queue);
+    }
+  }
+  std::erase_if(jobs_, [&](const auto& other) { return other.get() == &job; });
+  next_job_ = 0;
+}
+
+}  // namespace raymill::traversal

@@ -1,0 +1,103 @@
+// StoreTracer: one open store with its pages, its workers and the jobs that run on it.
+//
+//                 push() --rays--> queue of the root page
+//                                     |
+//        +---------- ready page <-----+-----------------------+
+//        v                                                    |
+//   worker: take a batch, pin, kernel --done--> rows, chunk   |
+//        |                                                    |
+//        +--parked--> queue of an absent page --wanted--> reader --arrival--> worker decodes, publishes
+//
+// One mutex guards the scheduler, the queues and the windows; kernels, decoding and reading run outside it. No thread
+// waits for a page: rays do. Thread-safe.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "storage/base/ledger.h"
+#include "storage/cache/page_cache.h"
+#include "storage/io/page_reader.h"
+#include "storage/io/store_file.h"
+#include "traversal/budget_plan.h"
+#include "traversal/kernel.h"
+#include "traversal/page_scheduler.h"
+#include "traversal/service.h"
+
+namespace raymill::traversal {
+
+class TraceJob;
+
+/// Rays that a worker runs between two looks at the queues: large enough to pay for the lock, small enough that an
+/// evicted page's frame rests for about a millisecond.
+constexpr std::uint32_t kBatchRays = 512;
+/// A batch, its take-out slack of one chunk included, and the order in which its rays are parked.
+constexpr std::uint64_t kWorkerBytes = (kBatchRays + 64) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
+
+class StoreTracer {
+ public:
+  struct Config {
+    StoreShare share;
+    Isa isa = Isa::scalar;
+    std::string spill_directory;
+  };
+  /// Errors: budget_exceeded.
+  static Result<std::shared_ptr<StoreTracer>> create(std::shared_ptr<const storage::StoreFile> file,
+                                                     const Config& config, storage::Ledger& ledger);
+  ~StoreTracer();
+
+  [[nodiscard]] const storage::StoreFile& file() const { return *file_; }
+  /// Errors: invalid_argument (fields), busy_retry (max_jobs are running), budget_exceeded.
+  Result<std::unique_ptr<Job>> start(const TraceConfig& config, std::shared_ptr<StoreTracer> self);
+
+ private:
+  friend class TraceJob;
+  friend class EngineJob;
+  struct Worker;
+  struct StoreStats {
+    std::uint64_t pages_read = 0;
+    std::uint64_t bytes_read = 0;
+    std::uint64_t distinct_pages = 0;
+  };
+
+  StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger);
+  Status init();
+
+  void work(unsigned index);
+  void handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock);
+  void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
+  void settle(Worker& worker, TraceJob& job);
+  void pump_reads();
+  void on_arrival(storage::PageArrival arrival);
+  [[nodiscard]] PageState state_of(storage::PageId page) const;
+  void fail_waiting(storage::PageId page, const Status& status);
+  void remove_job(TraceJob& job);
+
+  const std::shared_ptr<const storage::StoreFile> file_;
+  const Config config_;
+  storage::Ledger& ledger_;
+  storage::BudgetReservation workers_claim_;
+  BudgetPlan plan_;
+  std::unique_ptr<storage::PageCache> cache_;
+
+  std::mutex mutex_;
+  std::condition_variable work_wake_;  // workers: something to do
+  PageScheduler scheduler_;
+  std::vector<storage::PageArrival> arrivals_;
+  std::vector<storage::FrameLease> leases_;  // of reads under way
+  std::vector<bool> was_read_;               // for distinct_pages
+  std::vector<std::shared_ptr<TraceJob>> jobs_;
+  std::size_t next_job_ = 0;  // round robin
+  StoreStats stats_;
+  bool stopping_ = false;
+
+  std::unique_ptr<storage::PageReader> reader_;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace raymill::traversal

@@ -1,0 +1,28 @@
+#include "traversal/trace_job.h"
+
+#include <cmath>
+
+namespace raymill::traversal {
+
+TraceJob::TraceJob(Setup setup)
+    : config(setup.config),
+      kernel(setup.kernel),
+      kernel_name(std::move(setup.kernel_name)),
+      layout(setup.layout),
+      pool(std::move(setup.pool)),
+      window(std::move(setup.window)),
+      queues(setup.page_count),
+      queues_claim_(std::move(setup.queues_claim)) {}
+
+bool TraceJob::valid(const Ray& ray) {
+  bool zero = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!std::isfinite(ray.org[axis]) || !std::isfinite(ray.dir[axis])) {
+      return false;
+    }
+    zero = zero && ray.dir[axis] == 0;
+  }
+  return !zero && ray.tnear <= ray.tfar;  // false for NaN
+}
+
+}  // namespace raymill::traversal
