@@ -6,6 +6,7 @@
 
 #include "storage/import/data_uri.h"
 #include "storage/import/message.h"
+#include "storage/import/release.h"
 
 namespace raymill::storage {
 
@@ -116,7 +117,7 @@ Status GltfBuffers::decode(int buffer) {
   }
   fresh.bytes = std::move(*bytes);
   decoded = std::move(fresh);
-  declaration.uri = {};
+  release(declaration.uri);
   declaration.uri_claim = {};
   return {};
 }

@@ -87,7 +87,42 @@ std::uint64_t model_bytes(const json& root, const JsonMeasure& measure) {
          measure.values * 16 + measure.string_bytes;
 }
 
-Status parse_model(const std::string& text, tinygltf::Model& model) {
+struct JsonTree {
+  BudgetReservation claim;
+  JsonMeasure measure;
+  json root;
+};
+
+Result<JsonTree> read_tree(const ByteSource& file, const GltfContainer& container, Ledger& ledger) {
+  if (container.json.size_bytes > std::numeric_limits<std::uint32_t>::max()) {
+    return Status(ErrorCode::unsupported, message("the JSON text has ", container.json.size_bytes,
+                                                  " bytes; keep the buffers in a .bin file beside it"));
+  }
+  RAYMILL_ASSIGN_OR_RETURN(const BudgetReservation text_claim, ledger.claim(Tag::build, container.json.size_bytes));
+  std::string text(container.json.size_bytes, '\0');
+  RAYMILL_RETURN_IF_ERROR(file.read(container.json.offset, std::as_writable_bytes(std::span(text))));
+  JsonTree tree;
+  RAYMILL_ASSIGN_OR_RETURN(tree.measure, measure_json(text));
+  RAYMILL_ASSIGN_OR_RETURN(tree.claim, ledger.claim(Tag::build, tree.measure.tree_bytes()));
+  RAYMILL_ASSIGN_OR_RETURN(tree.root, parse_json(text));
+  return tree;
+}
+
+// The normalised tree becomes text, and the text tinygltf's own tree, whose claim is the one of ours, and its model.
+Status read_model(JsonTree tree, Ledger& ledger, tinygltf::Model& model) {
+  constexpr std::uint64_t kLongestNumber = 26;
+  constexpr std::uint64_t kLongestEscape = 6;
+  RAYMILL_ASSIGN_OR_RETURN(
+      BudgetReservation text_claim,
+      ledger.claim(Tag::build, tree.measure.values * kLongestNumber + tree.measure.string_bytes * kLongestEscape));
+  std::string text = tree.root.dump();
+  tree.root = nullptr;
+  if (text.size() > std::numeric_limits<std::uint32_t>::max()) {
+    return {ErrorCode::unsupported,
+            message("the structure alone takes ", text.size(), " bytes of JSON; split the file")};
+  }
+  text.shrink_to_fit();
+  RAYMILL_RETURN_IF_ERROR(text_claim.resize(text.capacity()));
   std::string errors;
   std::string warnings;
   bool good = false;
@@ -118,51 +153,30 @@ int GltfDocument::indices_of(const tinygltf::Primitive& primitive) {
 }
 
 Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContainer& container, Ledger& ledger) {
-  if (container.json.size_bytes > std::numeric_limits<std::uint32_t>::max()) {
-    return Status(ErrorCode::unsupported, message("the JSON text has ", container.json.size_bytes,
-                                                  " bytes; keep the buffers in a .bin file beside it"));
-  }
   GltfDocument document;
-  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation text_claim, ledger.claim(Tag::build, container.json.size_bytes));
-  std::string text(container.json.size_bytes, '\0');
-  RAYMILL_RETURN_IF_ERROR(file.read(container.json.offset, std::as_writable_bytes(std::span(text))));
-
-  RAYMILL_ASSIGN_OR_RETURN(JsonMeasure measure, measure_json(text));
-  RAYMILL_ASSIGN_OR_RETURN(document.claim_, ledger.claim(Tag::build, measure.tree_bytes()));
-  RAYMILL_ASSIGN_OR_RETURN(json root, parse_json(text));
-  text = {};
-  RAYMILL_RETURN_IF_ERROR(text_claim.resize(0));
-
-  RAYMILL_RETURN_IF_ERROR(normalize(root));
-  RAYMILL_RETURN_IF_ERROR(check_version(root["asset"]));
-  RAYMILL_ASSIGN_OR_RETURN(ExtensionUse extensions, check_extensions(root));
+  RAYMILL_ASSIGN_OR_RETURN(JsonTree tree, read_tree(file, container, ledger));
+  RAYMILL_RETURN_IF_ERROR(normalize(tree.root));
+  RAYMILL_RETURN_IF_ERROR(check_version(tree.root["asset"]));
+  RAYMILL_ASSIGN_OR_RETURN(ExtensionUse extensions, check_extensions(tree.root));
   document.ignored_extensions_ = std::move(extensions.ignored);
   document.quantization_ = extensions.quantization;
-  document.buffers_ = take_buffer_declarations(root);
-  hide_indices(root);
-  root.erase("skins");  // their number was needed, tinygltf wants more of them
 
-  // The data: URIs are out of the tree now and have claims of their own.
+  // The data: URIs leave the tree with claims of their own.
+  document.buffers_ = take_buffer_declarations(tree.root);
   for (const BufferDeclaration& buffer : document.buffers_) {
-    measure.string_bytes -= buffer.uri.size();
+    tree.measure.string_bytes -= buffer.uri.size();
   }
-  const std::uint64_t kept_bytes = model_bytes(root, measure) + document.buffers_.size() * sizeof(BufferDeclaration);
-  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes()));
+  RAYMILL_RETURN_IF_ERROR(tree.claim.resize(tree.measure.tree_bytes()));
   for (BufferDeclaration& buffer : document.buffers_) {
-    RAYMILL_ASSIGN_OR_RETURN(buffer.uri_claim, ledger.claim(Tag::build, buffer.uri.size()));
+    RAYMILL_ASSIGN_OR_RETURN(buffer.uri_claim, ledger.claim(Tag::build, buffer.uri.capacity()));
   }
 
-  // First our tree and the normalised text, then the text, tinygltf's tree and its model.
-  constexpr std::uint64_t kLongestNumber = 26;
-  constexpr std::uint64_t kLongestEscape = 6;
-  RAYMILL_RETURN_IF_ERROR(text_claim.resize(measure.values * kLongestNumber + measure.string_bytes * kLongestEscape));
-  text = root.dump();
-  text.shrink_to_fit();
-  RAYMILL_RETURN_IF_ERROR(text_claim.resize(text.capacity()));
-  root = nullptr;
-  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(measure.tree_bytes() + kept_bytes));
-  RAYMILL_RETURN_IF_ERROR(parse_model(text, *document.model_));
-  RAYMILL_RETURN_IF_ERROR(document.claim_.resize(kept_bytes));
+  hide_indices(tree.root);
+  tree.root.erase("skins");  // their number was needed, tinygltf wants more of them
+  const std::uint64_t kept_bytes =
+      model_bytes(tree.root, tree.measure) + document.buffers_.size() * sizeof(BufferDeclaration);
+  RAYMILL_ASSIGN_OR_RETURN(document.claim_, ledger.claim(Tag::build, kept_bytes));
+  RAYMILL_RETURN_IF_ERROR(read_model(std::move(tree), ledger, *document.model_));
   return document;
 }
 

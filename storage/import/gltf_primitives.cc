@@ -7,6 +7,7 @@
 #include "storage/import/gltf_draco.h"
 #include "storage/import/message.h"
 #include "storage/import/primitive_readers.h"
+#include "storage/import/release.h"
 #include "storage/import/tinygltf_config.h"
 #include "storage/import/triangle_assembler.h"
 
@@ -122,7 +123,7 @@ class PrimitiveImport {
     if (!decoded.ok()) {
       return in_context(message("bufferViews[", view, "]"), decoded.status());
     }
-    stream = {};
+    release(stream);
     RAYMILL_RETURN_IF_ERROR(stream_claim.resize(0));
     return feed_faces(*decoded, model.accessors[static_cast<std::size_t>(position_accessor)].normalized);
   }
