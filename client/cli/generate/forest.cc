@@ -67,7 +67,7 @@ void add_branch(SceneWriter& scene, Random& random, const Point& from, float len
     const Point at = along(from, d, length * random.range(0.25F, 1.05F));
     const Point leaf = direction(random, -0.8F, 0.6F);
     const Point side = direction(random, -0.3F, 0.3F);
-    const float leaf_length = random.range(0.12F, 0.35F), width = leaf_length * random.range(0.06F, 0.2F);
+    const float leaf_length = random.range(0.2F, 0.5F), width = leaf_length * random.range(0.06F, 0.2F);
     scene.facet(along(at, side, -width), along(at, side, width), along(at, leaf, leaf_length));
   }
 }

@@ -62,7 +62,7 @@ Status forest(std::uint64_t triangles, std::uint64_t seed, SceneWriter& scene) {
   float side = 0;
   RAYMILL_RETURN_IF_ERROR(add_forest(plants, seed, 0, 0, height, scene, side));
   const double s = side;
-  RAYMILL_RETURN_IF_ERROR(view(scene, "overview", {-0.45 * s, 0.25 * s + 9, 0.75 * s}, {0, 0.02 * s, 0}));
+  RAYMILL_RETURN_IF_ERROR(view(scene, "overview", {-0.28 * s, 0.08 * s + 8, 0.58 * s}, {0, 0.02 * s, 0}));
   const float eye = height(0, side / 2) + 1.7F;
   RAYMILL_RETURN_IF_ERROR(view(scene, "walker", {0, eye, 0.5 * s}, {0.05 * s, eye + 1, 0}));
   return add_ground(triangles - scene.triangles(), side + 10, height, scene);
@@ -74,20 +74,21 @@ Status mixed(std::uint64_t triangles, std::uint64_t seed, SceneWriter& scene) {
   const float forest_length = forest_side(forest_triangles, seed + 1);
   const float forest_x = (city_length + forest_length) / 2 + 40;
   const float land = 2.2F * (city_length + forest_length);
-  const int octaves = octaves_for(triangles - city_triangles - forest_triangles, land, 900);
+  const float scale = land / (2 * kTerrainSide);  // mountains grow with the land
+  const int octaves = octaves_for(triangles - city_triangles - forest_triangles, land, 900 * scale);
   // The plain that holds the city and the forest rises to mountains at its edge.
   const float middle = forest_length / 2, reach = (city_length + forest_length) * 0.62F;
   const HeightField height = [=](float x, float z) {
     const float outside = std::max(std::abs(x - middle), std::abs(z)) - reach;
     const float rise = std::clamp(outside / (0.3F * reach), 0.0F, 1.0F);
-    const float hill = std::max(0.0F, mountains(seed, x, z, octaves) + 0.25F * kTerrainHeight);
+    const float hill = std::max(0.0F, mountains(seed, x / scale, z / scale, octaves) + 0.25F * kTerrainHeight) * scale;
     return rise * rise * (3 - 2 * rise) * hill + 0.02F * noise(seed + 7, x / 3, z / 3);
   };
   float side = 0;
   RAYMILL_RETURN_IF_ERROR(add_city(city_triangles, seed, 0, 0, scene, side));
   RAYMILL_RETURN_IF_ERROR(add_forest(forest_triangles, seed + 1, forest_x, 0, height, scene, side));
   const double s = city_length + forest_length;
-  RAYMILL_RETURN_IF_ERROR(view(scene, "overview", {-0.25 * s, 0.3 * s + 40, 0.85 * s}, {middle, 0, 0}));
+  RAYMILL_RETURN_IF_ERROR(view(scene, "overview", {middle - 0.2 * s, 0.2 * s + 20, 0.56 * s}, {middle, 0.02 * s, 0}));
   return add_ground(triangles - scene.triangles(), land, height, scene);
 }
 

@@ -10,13 +10,13 @@ namespace raymill::client {
 
 namespace {
 
-constexpr float kAlbedo = 0.7F;
-constexpr Vector3 kSunDirection{0.42F, 0.76F, 0.496F};  // length one to three digits
-constexpr float kSunSpread = 0.01F;                     // radius of the sun's disc at distance one
-constexpr Vector3 kSunIrradiance{4.2F, 3.8F, 3.2F};
-constexpr Vector3 kZenith{0.30F, 0.50F, 0.95F};
-constexpr Vector3 kHorizon{0.90F, 0.93F, 0.98F};
-constexpr Vector3 kNadir{0.30F, 0.28F, 0.26F};
+constexpr float kAlbedo = 0.65F;
+constexpr Vector3 kSunDirection{0.62F, 0.65F, 0.44F};  // length one to three digits
+constexpr float kSunSpread = 0.01F;                    // radius of the sun's disc at distance one
+constexpr Vector3 kSunIrradiance{2.5F, 2.1F, 1.6F};
+constexpr Vector3 kZenith{0.10F, 0.20F, 0.45F};
+constexpr Vector3 kHorizon{0.30F, 0.37F, 0.46F};
+constexpr Vector3 kNadir{0.14F, 0.13F, 0.12F};
 
 // A wave is worth starting from here on; more memory than for the most is not asked for.
 constexpr std::uint64_t kLeastWave = 4 << 10;
