@@ -85,7 +85,12 @@ void ResultWindow::add(std::uint32_t rays) {
 
 void ResultWindow::close_slot() {
   Slot& slot = slots_[filling_];
-  slot.state = slot.remaining == 0 ? State::done : State::tracing;
+  if (slot.rays == 0) {
+    order_.pop_back();
+    free_slot(filling_);
+  } else {
+    slot.state = slot.remaining == 0 ? State::done : State::tracing;
+  }
   filling_ = kNoSlot;
 }
 

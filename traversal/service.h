@@ -93,7 +93,8 @@ class Job {
   virtual Status push(std::span<const Ray> rays) = 0;
   /// Says that no more rays come.
   virtual Status finish() = 0;
-  /// The next chunk in the rays' order; waits for it. Empty when all is fetched or the job has failed: see status().
+  /// The next chunk in the rays' order; waits for it. A chunk comes when it is full or after finish(), so a caller with
+  /// one thread pushes, finishes and then fetches. Empty when all is fetched or the job has failed: see status().
   virtual std::optional<HitChunk> next() = 0;
   [[nodiscard]] virtual Status status() const = 0;
   [[nodiscard]] virtual JobProgress progress() const = 0;

@@ -61,6 +61,26 @@ std::vector<std::byte> compress(std::span<const std::byte> bytes, Codec codec) {
 
 Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page ") + what}; }
 
+Status check_header(const EncodedHeader& header, const PageRules& rules) {
+  // Everything inside a page is numbered with 16 bits.
+  constexpr std::uint32_t kMost = 0x10000;
+  const bool known = header.page_type == kPageTypeTriangles &&
+                     header.codec <= static_cast<std::uint8_t>(Codec::draco) && header.width == rules.width &&
+                     header.geometry_index_bytes <= 2 &&
+                     (header.reserved[0] | header.reserved[1] | header.reserved[2]) == 0;
+  const bool in_range = header.external_count <= kMost && header.triangle_count <= kMost &&
+                        header.vertex_count <= kMost && header.geometry_count <= kMost;
+  return known && in_range ? Status{} : corrupt("is of no known type");
+}
+
+Status copy_raw(std::span<const std::byte> payload, std::span<std::byte> image) {
+  if (payload.size() != image.size() - sizeof(PageHeader)) {
+    return corrupt("has counts that do not fit its size");
+  }
+  std::copy(payload.begin(), payload.end(), image.begin() + sizeof(PageHeader));
+  return {};
+}
+
 // Streams are planes of the image's own fields, so they are about as large; a Draco map adds a little.
 std::uint64_t streams_limit(std::uint32_t page_bytes) { return 2 * std::uint64_t(page_bytes) + 4096; }
 
@@ -172,59 +192,52 @@ Result<std::uint32_t> PageDecoder::decode(std::span<const std::byte> encoded, st
     return corrupt("is shorter than its header");
   }
   std::memcpy(&header, encoded.data(), sizeof header);
-  std::span<const std::byte> payload = encoded.subspan(sizeof header);
-  const auto codec = static_cast<Codec>(header.codec);
-  if (header.page_type != kPageTypeTriangles || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
-      header.width != rules_.width || header.geometry_index_bytes > 2 || header.external_count > 0x10000 ||
-      header.triangle_count > 0x10000 || header.vertex_count > 0x10000 || header.geometry_count > 0x10000 ||
-      (header.reserved[0] | header.reserved[1] | header.reserved[2]) != 0) {
-    return corrupt("is of no known type");
-  }
+  const std::span<const std::byte> payload = encoded.subspan(sizeof header);
+  RAYMILL_RETURN_IF_ERROR(check_header(header, rules_));
   const PageHeader image_header = page_header(header);
-  if (header.payload_bytes != payload.size() || image_header.image_bytes > std::min<std::size_t>(frame.size(), rules_.page_bytes) ||
-      header.streams_bytes > scratch_->streams.size()) {
+  if (header.payload_bytes != payload.size() || image_header.image_bytes > rules_.page_bytes ||
+      image_header.image_bytes > frame.size() || header.streams_bytes > scratch_->streams.size()) {
     return corrupt("has counts that do not fit its size");
   }
   const std::span<std::byte> image = frame.first(image_header.image_bytes);
   std::memcpy(image.data(), &image_header, sizeof image_header);
-  if (codec == Codec::raw) {
-    if (payload.size() != image.size() - sizeof image_header) {
-      return corrupt("has counts that do not fit its size");
-    }
-    std::copy(payload.begin(), payload.end(), image.begin() + sizeof image_header);
-  } else {
-    std::memset(image.data() + sizeof image_header, 0, image.size() - sizeof image_header);
-    std::span<const std::byte> mesh;
-    if (codec == Codec::draco) {
-      std::uint32_t mesh_bytes = 0;
-      if (payload.size() < sizeof mesh_bytes) {
-        return corrupt("is shorter than its Draco mesh");
-      }
-      std::memcpy(&mesh_bytes, payload.data(), sizeof mesh_bytes);
-      payload = payload.subspan(sizeof mesh_bytes);
-      if (mesh_bytes > payload.size() || !positions_.lattice) {
-        return corrupt("is shorter than its Draco mesh");
-      }
-      mesh = payload.first(mesh_bytes);
-      payload = payload.subspan(mesh_bytes);
-    }
-    const auto streams = scratch_->decompress(payload, codec, header.streams_bytes);
-    if (!streams) {
-      return corrupt("cannot be decompressed");
-    }
-    PlaneReader reader(*streams);
-    read_structure(reader, image.data());
-    if (codec == Codec::draco) {
-      RAYMILL_RETURN_IF_ERROR(decode_draco(mesh, reader, positions_, image.data()));
-    } else {
-      read_geometry(reader, positions_, image.data());
-    }
-    if (!reader.exhausted()) {
-      return corrupt("has streams of another length than its counts");
-    }
-  }
+  RAYMILL_RETURN_IF_ERROR(static_cast<Codec>(header.codec) == Codec::raw ? copy_raw(payload, image)
+                                                                         : decode_streams(header, payload, image));
   RAYMILL_RETURN_IF_ERROR(validate_image(image, rules_));
   return image_header.image_bytes;
+}
+
+Status PageDecoder::decode_streams(const EncodedHeader& header, std::span<const std::byte> payload,
+                                   std::span<std::byte> image) {
+  const auto codec = static_cast<Codec>(header.codec);
+  // Gaps between the arrays are part of the image: pages decode to the same bytes whatever stood in the frame.
+  std::memset(image.data() + sizeof(PageHeader), 0, image.size() - sizeof(PageHeader));
+  std::span<const std::byte> mesh;
+  if (codec == Codec::draco) {
+    std::uint32_t mesh_bytes = 0;
+    if (payload.size() < sizeof mesh_bytes || !positions_.lattice) {
+      return corrupt("is shorter than its Draco mesh");
+    }
+    std::memcpy(&mesh_bytes, payload.data(), sizeof mesh_bytes);
+    payload = payload.subspan(sizeof mesh_bytes);
+    if (mesh_bytes > payload.size()) {
+      return corrupt("is shorter than its Draco mesh");
+    }
+    mesh = payload.first(mesh_bytes);
+    payload = payload.subspan(mesh_bytes);
+  }
+  const auto streams = scratch_->decompress(payload, codec, header.streams_bytes);
+  if (!streams) {
+    return corrupt("cannot be decompressed");
+  }
+  PlaneReader reader(*streams);
+  read_structure(reader, image.data());
+  if (codec == Codec::draco) {
+    RAYMILL_RETURN_IF_ERROR(decode_draco(mesh, reader, positions_, image.data()));
+  } else {
+    read_geometry(reader, positions_, image.data());
+  }
+  return reader.exhausted() ? Status{} : corrupt("has streams of another length than its counts");
 }
 
 }  // namespace raymill::storage

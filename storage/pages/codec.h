@@ -70,6 +70,8 @@ class PageDecoder {
 
  private:
   struct Scratch;
+  Status decode_streams(const EncodedHeader& header, std::span<const std::byte> payload, std::span<std::byte> image);
+
   PageRules rules_;
   PositionKind positions_;
   std::unique_ptr<Scratch> scratch_;
