@@ -18,6 +18,7 @@ namespace {
 /// How long the goodbye may take to leave.
 constexpr int kLingerMillis = 200;
 constexpr std::chrono::milliseconds kLongestPingInterval{1000};
+constexpr std::chrono::milliseconds kShortestPingInterval{5};
 
 std::string seconds_text(double seconds) {
   char text[32];
@@ -66,8 +67,8 @@ Connection::Connection(std::shared_ptr<zmq::context_t> context, const ClientConf
       handlers_(std::move(handlers)),
       wake_(std::move(wake)),
       socket_(*context_, zmq::socket_type::dealer),
-      ping_interval_(std::min(kLongestPingInterval,
-                              std::chrono::milliseconds(static_cast<std::int64_t>(config.timeout_seconds * 250) + 1))) {
+      ping_interval_(std::clamp(std::chrono::milliseconds(static_cast<std::int64_t>(config.timeout_seconds * 250)),
+                                kShortestPingInterval, kLongestPingInterval)) {
   socket_.set(zmq::sockopt::linger, kLingerMillis);
   socket_.set(zmq::sockopt::ipv6, true);
   socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(server::kMostMetadataBytes));
@@ -198,6 +199,11 @@ void Connection::receive() {
 
 void Connection::deliver(ServerPacket&& packet) {
   const std::uint64_t sequence = packet.message.sequence();
+  if (packet.message.has_welcome()) {
+    // Four signs of life in the time after which the server would give this client up.
+    const std::chrono::milliseconds quarter(packet.message.welcome().silence_millis() / 4);
+    ping_interval_ = std::clamp(quarter, kShortestPingInterval, ping_interval_);
+  }
   if (sequence != 0) {
     const std::lock_guard lock(mutex_);
     if (const auto found = waiting_.find(sequence); found != waiting_.end()) {

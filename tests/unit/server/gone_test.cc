@@ -144,13 +144,13 @@ TEST(ClientGone, ASilentClientLosesItsJobAndItsMemory) {
 }
 
 TEST(ClientGone, AQuietButLivingClientKeepsItsJob) {
-  Harness harness([](ServeConfig& config) { config.silence_seconds = 1.5; });
+  Harness harness([](ServeConfig& config) { config.silence_seconds = 0.4; });
   const auto client = harness.client();
   auto store = client->open("city");
   ASSERT_TRUE(store.ok());
   auto job = (*store)->trace({});
   ASSERT_TRUE(job.ok());
-  std::this_thread::sleep_for(std::chrono::milliseconds(2500));
+  std::this_thread::sleep_for(std::chrono::milliseconds(1200));
   ASSERT_TRUE((*job)->push(numbered_rays(0, 1000)).ok());
   ASSERT_TRUE((*job)->finish().ok());
   EXPECT_TRUE(read_and_check(**job, 0, 1000, kCityBytes).ok());
