@@ -5,10 +5,13 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "client/cli/interrupt.h"
+#include "client/cli/options.h"
 #include "client/cli/verbs.h"
 
 namespace {
@@ -33,6 +36,31 @@ void keep_heap_small() {
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
 }
 
+// CLI11's help with descriptions broken into lines.
+class HelpFormatter final : public CLI::Formatter {
+ public:
+  HelpFormatter() { column_width(kNameColumns); }
+  std::string make_option_desc(const CLI::Option* option) const override {
+    std::string text;
+    std::size_t line_begin = 0;
+    std::istringstream words(CLI::Formatter::make_option_desc(option));
+    for (std::string word; words >> word;) {
+      if (text.size() + 1 + word.size() - line_begin > kTextColumns) {
+        text += '\n';
+        line_begin = text.size();
+      } else if (!text.empty()) {
+        text += ' ';
+      }
+      text += word;
+    }
+    return text;
+  }
+
+ private:
+  static constexpr std::size_t kNameColumns = 30;
+  static constexpr std::size_t kTextColumns = 80;
+};
+
 int report(const Status& status) {
   if (status.ok()) {
     return 0;
@@ -44,8 +72,32 @@ int report(const Status& status) {
   return raymill::exit_code(status.code());
 }
 
+// Help and version go to stdout; everything else is a mistake in the words.
+int answer(const CLI::App& app, const CLI::ParseError& error, int argc, char** argv) {
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) {
+    std::ostringstream text;
+    app.exit(error, text, text);
+    return report(raymill::client::print(text.str()));
+  }
+  const std::string first = argc > 1 ? argv[1] : "";
+  const auto verbs = app.get_subcommands([&](const CLI::App* candidate) { return candidate->get_name() == first; });
+  const bool is_verb = !verbs.empty();
+  std::string message = error.what();
+  if (!is_verb && !first.empty() && first[0] != '-') {
+    message = "'" + first + "' is not a verb";
+  } else if (first.empty()) {
+    message = "say what to do";
+  }
+  while (!message.empty() && (message.back() == '\n' || message.back() == ' ')) {
+    message.pop_back();
+  }
+  std::fprintf(stderr, "raymill: %s; see 'raymill %s--help'\n", message.c_str(), is_verb ? (first + " ").c_str() : "");
+  return kUsageError;
+}
+
 int run(int argc, char** argv) {
   CLI::App app("Out-of-core batch ray tracing: build a scene store once, then ask it millions of rays.", "raymill");
+  app.formatter(std::make_shared<HelpFormatter>());
   app.footer(kFooter);
   app.require_subcommand(1);
   app.set_version_flag("--version", "raymill " RAYMILL_VERSION);
@@ -59,15 +111,7 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) {
-      return app.exit(error);
-    }
-    std::string message = error.what();
-    while (!message.empty() && (message.back() == '\n' || message.back() == ' ')) {
-      message.pop_back();
-    }
-    std::fprintf(stderr, "raymill: %s; see 'raymill --help'\n", message.c_str());
-    return kUsageError;
+    return answer(app, error, argc, argv);
   }
   for (const Verb& verb : verbs) {
     if (verb.parser->parsed()) {
