@@ -89,7 +89,9 @@ class TriangleSink {
 /// order; `report` is added to, so several files number their geometries on. World positions are computed in float64
 /// from the nodes' matrices and rounded once to float32. Memory for the file's buffers and for one decoded mesh is
 /// claimed from `ledger` (Tag::build).
-/// Errors: not_found, io, bad_scene, unsupported (a required extension, by name), budget_exceeded, and the sink's.
+/// Errors: invalid_argument (no such scene), not_found, io, bad_scene, unsupported (a required extension, by name),
+/// budget_exceeded, and the sink's, word for word. After an error `report` holds what was met until then. A scene
+/// without any triangle is no error here.
 Status import_gltf(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
                    ImportReport& report);
 
