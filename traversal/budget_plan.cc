@@ -75,8 +75,9 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   BudgetPlan plan;
   // A deep read queue is worth its buffers only where they are small beside the pages.
   plan.read_depth = kReadDepth;
+  const std::uint64_t least_jobs = share.max_jobs * least_job_bytes(store);
   while (plan.read_depth > kLeastReadDepth &&
-         fixed_bytes(store, share.threads, plan.read_depth) +
+         least_jobs + fixed_bytes(store, share.threads, plan.read_depth) +
                  4 * frame_cost(store, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))) >
              share.bytes) {
     --plan.read_depth;
@@ -87,7 +88,6 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   const std::uint64_t all_frames = store.page_count() * per_frame;
   const std::uint64_t most_job =
       share.max_jobs * window_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
-  const std::uint64_t least_jobs = share.max_jobs * least_job_bytes(store);
   std::uint64_t page_bytes = std::max(rest / 4 * 3, rest - std::min(rest, most_job));
   page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
   plan.frame_count = static_cast<std::uint32_t>(

@@ -20,7 +20,7 @@ using storage::StoreFile;
 using traversal::StoreTracer;
 
 // Code and library pages that are touched only once rays run, allocator slack, small vectors.
-constexpr std::uint64_t kBaseSlackBytes = 5 << 20;
+constexpr std::uint64_t kBaseSlackBytes = 2 << 20;
 
 Result<traversal::Isa> choose_isa(const std::string& name) {
   const std::vector<traversal::Isa> runnable = traversal::runnable_isas();
@@ -153,8 +153,15 @@ namespace {
 template <typename Impl>
 class EngineStore final : public Store {
  public:
-  EngineStore(std::shared_ptr<Impl> engine, std::shared_ptr<StoreTracer> tracer)
-      : engine_(std::move(engine)), tracer_(std::move(tracer)) {}
+  EngineStore(std::shared_ptr<Impl> engine, std::shared_ptr<StoreTracer> tracer) : engine_(std::move(engine)) {
+    // Jobs and chunks outlive the store; what they hold of the tracer holds the engine's ledger too.
+    struct Held {
+      std::shared_ptr<Impl> engine;
+      std::shared_ptr<StoreTracer> tracer;
+    };
+    auto held = std::make_shared<Held>(Held{engine_, std::move(tracer)});
+    tracer_ = std::shared_ptr<StoreTracer>(held, held->tracer.get());
+  }
 
   [[nodiscard]] Result<StoreInfo> info() const override {
     StoreInfo info = describe(tracer_->file());
@@ -165,7 +172,7 @@ class EngineStore final : public Store {
   Result<std::unique_ptr<Job>> trace(const TraceConfig& config) override { return tracer_->start(config, tracer_); }
 
  private:
-  std::shared_ptr<Impl> engine_;  // holds the ledger that the tracer's claims go back to
+  std::shared_ptr<Impl> engine_;
   std::shared_ptr<StoreTracer> tracer_;
 };
 

@@ -125,7 +125,8 @@ Status EngineJob::push_some(std::span<const Ray> rays) {
         RayState state;
         state.org = ray.org;
         state.dir = ray.dir;
-        state.tfar = ray.tfar;
+        // A hit has a finite t; beyond float32 lies a miss.
+        state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
         state.number = number;
         state.node = static_cast<std::uint16_t>(footer.root_node);
         job_->layout.pack(state, records_.data() + valid_count++ * record_bytes);
@@ -213,7 +214,7 @@ JobStats EngineJob::stats() const {
   stats.bytes_read = tracer_->stats_.bytes_read;
   stats.distinct_pages = tracer_->stats_.distinct_pages;
   stats.result_spill_bytes = job_->window->spilled_bytes();
-  stats.trace_seconds = std::chrono::duration<double>(job_->last_done - job_->first_push).count();
+  stats.trace_seconds = std::max(0.0, std::chrono::duration<double>(job_->last_done - job_->first_push).count());
   stats.peak_rss_bytes = storage::peak_resident_bytes();
   stats.isa = to_string(tracer_->config_.isa);
   stats.kernel = job_->kernel_name;

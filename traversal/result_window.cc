@@ -131,7 +131,7 @@ Result<ResultWindow::Delivery> ResultWindow::deliver() {
     while (done < delivery.rows.size()) {
       const ssize_t n = ::pread(file_, rows + done, delivery.rows.size() - done,
                                 static_cast<off_t>(chunk.file_offset + done));
-      if (n <= 0 && errno != EINTR) {
+      if (n == 0 || (n < 0 && errno != EINTR)) {
         return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
                                    std::strerror(n < 0 ? errno : EIO)};
       }

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
-#include <xmmintrin.h>
 
 #include "storage/pages/codec.h"
 #include "traversal/engine_job.h"
+#include "traversal/simd/float_mode.h"
 #include "traversal/trace_job.h"
 
 namespace raymill::traversal {
@@ -121,8 +121,7 @@ PageState StoreTracer::state_of(storage::PageId page) const {
 }
 
 void StoreTracer::work(unsigned index) {
-  // The caller's FTZ and DAZ settings are inherited by threads; answers must not depend on them.
-  _mm_setcsr(0x1F80);
+  use_ieee_arithmetic();
   Worker worker(index, *file_);
   std::unique_lock lock(mutex_);
   while (true) {

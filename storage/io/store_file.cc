@@ -71,7 +71,7 @@ Status StoreFile::page_fault(PageId page, const Status& fault) const {
 Status StoreFile::load(Ledger& ledger) {
   struct stat info {};
   if (::fstat(descriptor_, &info) != 0 || !S_ISREG(info.st_mode)) {
-    return {ErrorCode::io, path_ + ": is not a regular file"};
+    return {ErrorCode::corrupt, path_ + ": is not a Raymill store but a folder or a device; name a .mill file"};
   }
   const auto file_bytes = static_cast<std::uint64_t>(info.st_size);
   if (file_bytes < sizeof header_ + sizeof footer_) {

@@ -17,7 +17,7 @@ template <int N>
 class NodeChecker {
  public:
   NodeChecker(const PageView& view, const PageRules& rules)
-      : header_(view.header()), nodes_(view.nodes<N>()), rules_(rules) {}
+      : header_(view.header()), nodes_(view.nodes<N>()), externals_(view.externals()), rules_(rules) {}
 
   Status check_all() const {
     const std::uint32_t total = std::uint32_t(header_.node_count) + header_.ghost_count;
@@ -61,6 +61,7 @@ class NodeChecker {
 
   [[nodiscard]] const char* check_children(std::uint32_t i) const {
     const Node<N>& node = nodes_[i];
+    const bool ghost = i >= header_.node_count;
     for (unsigned slot = 0; slot < N; ++slot) {
       const unsigned bit = 1U << slot;
       if ((node.valid & bit) == 0) {
@@ -76,6 +77,11 @@ class NodeChecker {
         if (child >= header_.external_count) {
           return "has a child past the page's external references";
         }
+        // A leaf stands beside its node, so only a ghost refers to one. Otherwise two such references could name each
+        // other, and a ray would follow them for ever.
+        if (!ghost && externals_[child].kind == ExternalKind::leaf) {
+          return "refers to a leaf in another page";
+        }
       } else if (child >= header_.node_count || nodes_[child].parent != i) {
         return "has a child that does not name it as parent";
       }
@@ -85,6 +91,7 @@ class NodeChecker {
 
   const PageHeader& header_;
   const Node<N>* nodes_;
+  const ExternalRef* externals_;
   const PageRules& rules_;
 };
 

@@ -38,7 +38,8 @@ Status check(const StoreHeader& header) {
   }
   if ((header.width != 4 && header.width != 8) || header.page_bytes < kMinPageBytes ||
       header.page_bytes > kMaxPageBytes || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
-      header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 || std::abs(header.lattice_step_exponent) > 200) {
+      header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 ||
+      header.lattice_step_exponent < -200 || header.lattice_step_exponent > 200) {
     return {ErrorCode::corrupt, "has a header with impossible values; rebuild it"};
   }
   return {};
