@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include "traversal/simd/float_mode.h"
+
 namespace raymill::traversal {
 namespace {
 
@@ -59,6 +61,7 @@ void EngineJob::cancel() {
 }
 
 Status EngineJob::push(std::span<const Ray> rays) {
+  const IeeeScope ieee;
   while (!rays.empty()) {
     const std::size_t count = std::min(rays.size(), kPieceRays);
     RAYMILL_RETURN_IF_ERROR(push_some(rays.first(count)));

@@ -121,7 +121,7 @@ PageState StoreTracer::state_of(storage::PageId page) const {
 }
 
 void StoreTracer::work(unsigned index) {
-  use_ieee_arithmetic();
+  const IeeeScope ieee;
   Worker worker(index, *file_);
   std::unique_lock lock(mutex_);
   while (true) {
