@@ -38,7 +38,7 @@ struct RunEnded {
   std::uint64_t total_rows = 0;
 };
 
-/// The job was traced so far that its chunks may come.
+/// The job's store is open: its chunks may come.
 struct RunStarted {};
 
 struct JobEvent {

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <optional>
 #include <span>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -93,8 +94,15 @@ Status JobRunner::trace(JobStats& stats) {
     }
     job_ = job.get();
   }
+  std::thread push_thread;
+  try {
+    push_thread = std::thread([this, &job] { push_chunks(*job); });
+  } catch (const std::system_error& error) {
+    const std::lock_guard lock(mutex_);
+    job_ = nullptr;
+    return {ErrorCode::busy_retry, std::string("the server has no thread for the job: ") + error.what()};
+  }
   post(RunStarted{});
-  std::thread push_thread([this, &job] { push_chunks(*job); });
   Status status = take_results(*job);
   {
     const std::lock_guard lock(mutex_);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <random>
+#include <system_error>
 #include <utility>
 
 #include "server/limits.h"
@@ -92,10 +93,16 @@ void JobTable::admit() {
     if (!stores_.reserve(job.spec.store)) {
       return;
     }
+    try {
+      job.runner = std::make_unique<JobRunner>(job.spec, stores_, spool_, events_);
+    } catch (const std::system_error&) {
+      // No thread to be had now: the job stays first in the queue.
+      stores_.release(job.spec.store);
+      return;
+    }
     queue_.pop_front();
     ++running_;
     job.state = pb::JOB_STATE_RUNNING;
-    job.runner = std::make_unique<JobRunner>(job.spec, stores_, spool_, events_);
     if (job.upload_finished) {
       job.runner->finish();
     }

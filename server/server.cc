@@ -204,9 +204,14 @@ Result<std::unique_ptr<Server>> Server::start(const ServeConfig& config, ServerP
   std::string instance = random_id();
   RAYMILL_ASSIGN_OR_RETURN(std::unique_ptr<Spool> spool, Spool::create(config.spool_directory, instance));
   RAYMILL_ASSIGN_OR_RETURN(std::unique_ptr<EventQueue> events, EventQueue::create());
-  auto impl = std::make_unique<Impl>(config, parts.now,
-                                     Impl::Made{std::move(endpoint), std::move(service), std::move(spool),
-                                                std::move(events), plan, std::move(instance)});
+  std::unique_ptr<Impl> impl;
+  try {
+    impl = std::make_unique<Impl>(config, parts.now,
+                                  Impl::Made{std::move(endpoint), std::move(service), std::move(spool),
+                                             std::move(events), plan, std::move(instance)});
+  } catch (const std::exception& error) {  // zmq::error_t, std::system_error: no descriptors, no threads
+    return {ErrorCode::io, std::string("the server cannot start: ") + error.what()};
+  }
   RAYMILL_RETURN_IF_ERROR(impl->bind());
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }

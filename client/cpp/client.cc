@@ -34,7 +34,11 @@ Client::~Client() = default;
 
 Result<std::unique_ptr<Client>> Client::connect(const ClientConfig& config) {
   auto session = std::make_shared<client::Session>();
-  session->context = std::make_shared<zmq::context_t>(1);
+  try {
+    session->context = std::make_shared<zmq::context_t>(1);
+  } catch (const zmq::error_t& error) {
+    return {ErrorCode::io, std::string("no ZeroMQ for a client: ") + error.what()};
+  }
   session->config = config;
   RAYMILL_ASSIGN_OR_RETURN(session->connection, client::Connection::open(session->context, config, {}));
   return std::unique_ptr<Client>(new Client(std::make_shared<Impl>(Impl{std::move(session)})));

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <system_error>
 #include <utility>
 
 #include "server/address.h"
@@ -40,12 +41,16 @@ Result<std::unique_ptr<Connection>> Connection::open(std::shared_ptr<zmq::contex
   if (!wake.valid()) {
     return {ErrorCode::io, "no eventfd for a connection; are too many files open?"};
   }
-  std::unique_ptr<Connection> connection(
-      new Connection(std::move(context), config, std::move(handlers), std::move(wake)));
-  if (zmq_connect(connection->socket_.handle(), config.address.c_str()) != 0) {
-    return {ErrorCode::invalid_argument, "cannot connect to " + config.address + ": " + zmq_strerror(zmq_errno())};
+  std::unique_ptr<Connection> connection;
+  try {
+    connection.reset(new Connection(std::move(context), config, std::move(handlers), std::move(wake)));
+    connection->socket_.connect(config.address);
+    connection->thread_ = std::thread([raw = connection.get()] { raw->run(); });
+  } catch (const zmq::error_t& error) {
+    return {ErrorCode::io, "cannot connect to " + config.address + ": " + error.what()};
+  } catch (const std::system_error& error) {
+    return {ErrorCode::io, "no thread for a connection to " + config.address + ": " + error.what()};
   }
-  connection->thread_ = std::thread([raw = connection.get()] { raw->run(); });
 
   pb::ClientMessage message;
   message.mutable_hello()->set_protocol_version(server::kProtocolVersion);

@@ -1,0 +1,135 @@
+// The server with the real engine: the same bytes as the engine embedded in the caller's process.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <random>
+
+#include "client/cpp/raymill.h"
+#include "tests/unit/server/harness.h"
+
+namespace raymill::server {
+namespace {
+
+constexpr int kGridSide = 120;
+constexpr std::size_t kRays = 150'000;
+
+/// A wavy grid as glTF with a binary file beside it.
+void write_grid(const std::filesystem::path& folder) {
+  std::vector<float> positions;
+  for (int y = 0; y <= kGridSide; ++y) {
+    for (int x = 0; x <= kGridSide; ++x) {
+      const auto u = static_cast<float>(x);
+      const auto v = static_cast<float>(y);
+      positions.insert(positions.end(), {u, std::sin(u * 0.3f) * std::cos(v * 0.2f), v});
+    }
+  }
+  std::vector<std::uint32_t> indices;
+  for (std::uint32_t y = 0; y < kGridSide; ++y) {
+    for (std::uint32_t x = 0; x < kGridSide; ++x) {
+      const std::uint32_t corner = y * (kGridSide + 1) + x;
+      indices.insert(indices.end(), {corner, corner + 1, corner + kGridSide + 1, corner + 1, corner + kGridSide + 2,
+                                     corner + kGridSide + 1});
+    }
+  }
+  const std::size_t position_bytes = positions.size() * sizeof(float);
+  const std::size_t index_bytes = indices.size() * sizeof(std::uint32_t);
+  std::ofstream bin(folder / "grid.bin", std::ios::binary);
+  bin.write(reinterpret_cast<const char*>(positions.data()), static_cast<std::streamsize>(position_bytes));
+  bin.write(reinterpret_cast<const char*>(indices.data()), static_cast<std::streamsize>(index_bytes));
+  std::ofstream(folder / "grid.gltf")
+      << R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],)"
+      << R"("meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],)"
+      << R"("buffers":[{"uri":"grid.bin","byteLength":)" << position_bytes + index_bytes << "}],"
+      << R"("bufferViews":[{"buffer":0,"byteLength":)" << position_bytes << R"(},{"buffer":0,"byteOffset":)"
+      << position_bytes << R"(,"byteLength":)" << index_bytes << "}],"
+      << R"("accessors":[{"bufferView":0,"componentType":5126,"type":"VEC3","count":)" << positions.size() / 3
+      << R"(,"min":[0,-1,0],"max":[120,1,120]},{"bufferView":1,"componentType":5125,"type":"SCALAR","count":)"
+      << indices.size() << "}]}";
+}
+
+std::vector<Ray> random_rays() {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> place(-10, kGridSide + 10);
+  std::uniform_real_distribution<float> slope(-1, 1);
+  std::vector<Ray> rays(kRays);
+  for (Ray& ray : rays) {
+    ray.org = {place(random), 3, place(random)};
+    ray.dir = {slope(random), -1, slope(random)};
+  }
+  rays[17].dir = {0, 0, 0};  // invalid ones travel too
+  return rays;
+}
+
+/// All rows of a job that is pushed whole before the first is read.
+std::vector<std::byte> trace(Service& service, const std::string& store_name, const TraceConfig& config) {
+  std::vector<std::byte> bytes;
+  auto store = service.open(store_name);
+  if (!store.ok()) {
+    ADD_FAILURE() << store.status().message();
+    return bytes;
+  }
+  auto job = (*store)->trace(config);
+  if (!job.ok()) {
+    ADD_FAILURE() << job.status().message();
+    return bytes;
+  }
+  EXPECT_TRUE((*job)->push(random_rays()).ok());
+  EXPECT_TRUE((*job)->finish().ok());
+  while (const auto chunk = (*job)->next()) {
+    bytes.insert(bytes.end(), chunk->rows().begin(), chunk->rows().end());
+  }
+  EXPECT_TRUE((*job)->status().ok()) << (*job)->status().message();
+  const JobStats stats = (*job)->stats();
+  EXPECT_EQ(stats.rays, kRays);
+  EXPECT_EQ(stats.invalid, 1u);
+  EXPECT_FALSE(stats.kernel.empty());
+  return bytes;
+}
+
+TEST(ServerEngine, GivesTheBytesOfTheEmbeddedEngine) {
+  const TemporaryFolder folder;
+  write_grid(folder.path());
+  std::filesystem::create_directory(folder.path() / "stores");
+  BuildConfig build_config;
+  build_config.scenes = {(folder.path() / "grid.gltf").string()};
+  build_config.output = (folder.path() / "stores/grid.mill").string();
+  const auto report = build(build_config);
+  ASSERT_TRUE(report.ok()) << report.status().message();
+  ASSERT_EQ(report->triangles, 2u * kGridSide * kGridSide);
+
+  ServeConfig config;
+  config.stores_directory = (folder.path() / "stores").string();
+  config.spool_directory = folder.path().string();
+  config.bind = "ipc://" + (folder.path() / "socket").string();
+  config.memory = gibibytes(1);
+  auto server = Server::start(config);
+  ASSERT_TRUE(server.ok()) << server.status().message();
+  std::thread thread([&] { EXPECT_TRUE((*server)->run().ok()); });
+  EngineConfig engine_config;
+  engine_config.memory = gibibytes(1);
+  auto engine = Engine::create(engine_config);
+  ASSERT_TRUE(engine.ok()) << engine.status().message();
+  auto client = Client::connect({.address = config.bind});
+  ASSERT_TRUE(client.ok()) << client.status().message();
+  for (const TraceConfig& request :
+       {TraceConfig{}, TraceConfig{.mode = Mode::fast, .fields = Field::all}, TraceConfig{.query = Query::any}}) {
+    const auto embedded = trace(**engine, build_config.output, request);
+    const auto remote = trace(**client, "grid", request);
+    EXPECT_EQ(embedded.size(), remote.size());
+    EXPECT_FALSE(embedded.empty());
+    EXPECT_TRUE(embedded == remote);
+  }
+  const auto store = (*client)->open("grid");
+  ASSERT_TRUE(store.ok());
+  const auto info = (*store)->info();
+  ASSERT_TRUE(info.ok()) << info.status().message();
+  EXPECT_EQ(info->triangles, report->triangles);
+  EXPECT_NE(info->metadata_json.find("geometries"), std::string::npos);
+  (*server)->stop();
+  thread.join();
+}
+
+}  // namespace
+}  // namespace raymill::server
