@@ -1,0 +1,86 @@
+#include "tests/support/stores.h"
+
+#include <algorithm>
+
+namespace raymill::tests {
+
+std::string build_store(const TempFolder& folder, const std::string& name, const Scene& scene, BuildConfig config) {
+  const std::string input = folder / (name + ".glb");
+  write_file(input, glb(scene));
+  config.scenes = {input};
+  config.output = folder / name;
+  const Result<BuildReport> report = build(config);
+  EXPECT_TRUE(report.ok()) << report.status().message();
+  return config.output;
+}
+
+Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays) {
+  Traced traced;
+  const std::size_t piece = push_rays == 0 ? std::max<std::size_t>(rays.size(), 1) : push_rays;
+  for (std::size_t i = 0; i < rays.size() && traced.status.ok(); i += piece) {
+    traced.status = job.push(rays.subspan(i, std::min(piece, rays.size() - i)));
+  }
+  (void)job.finish();
+  while (auto chunk = job.next()) {
+    EXPECT_EQ(chunk->first_ray(), traced.hits.size());
+    for (std::size_t i = 0; i < chunk->size(); ++i) {
+      traced.hits.push_back(chunk->hit(i));
+    }
+    traced.rows.append(reinterpret_cast<const char*>(chunk->rows().data()), chunk->rows().size());
+  }
+  traced.status = job.status();
+  traced.stats = job.stats();
+  return traced;
+}
+
+Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetup& setup) {
+  Traced failed;
+  auto engine = Engine::create(setup.engine);
+  if (!engine) {
+    failed.status = engine.status();
+    return failed;
+  }
+  auto store = (*engine)->open(path);
+  if (!store) {
+    failed.status = store.status();
+    return failed;
+  }
+  auto job = (*store)->trace(setup.trace);
+  if (!job) {
+    failed.status = job.status();
+    return failed;
+  }
+  return run_job(**job, rays, setup.push_rays);
+}
+
+std::uint64_t least_memory(const std::string& path, EngineConfig config) {
+  config.memory = gibibytes(64);
+  std::uint64_t least = 0;
+  if (auto engine = Engine::create(config); engine) {
+    if (auto store = (*engine)->open(path); store) {
+      if (const auto info = (*store)->info(); info) {
+        least = info->least_memory_bytes;
+      }
+    }
+  }
+  EXPECT_GT(least, 0u);
+  // The process may have grown a little since.
+  for (config.memory = least; config.memory < least + mebibytes(64); config.memory += mebibytes(1)) {
+    if (auto engine = Engine::create(config); engine && (*engine)->open(path)) {
+      return config.memory;
+    }
+  }
+  ADD_FAILURE() << "no engine opens " << path << " with what it says it needs";
+  return least;
+}
+
+void flip(const std::string& path, std::uint64_t offset, unsigned char bits) {
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekg(static_cast<std::streamoff>(offset));
+  const auto byte = static_cast<char>(file.get() ^ bits);
+  file.seekp(static_cast<std::streamoff>(offset));
+  file.put(byte);
+  EXPECT_TRUE(file.good());
+}
+
+}  // namespace raymill::tests

@@ -1,0 +1,56 @@
+// From triangles to a store file, and from a store file to hits, in one call each.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "storage/io/build_store.h"
+#include "tests/support/scenes.h"
+#include "tests/support/temp_folder.h"
+#include "traversal/engine.h"
+
+namespace raymill::tests {
+
+/// Everything a build may choose but its files; small pages, so that small scenes have many.
+inline BuildConfig small_pages() {
+  BuildConfig config;
+  config.page_bytes = 16 << 10;
+  config.threads = 1;
+  config.memory = gibibytes(8);
+  return config;
+}
+
+/// Builds FOLDER/name from the scene; fails the test where that does not work. Gives the store's path.
+std::string build_store(const TempFolder& folder, const std::string& name, const Scene& scene,
+                        BuildConfig config = small_pages());
+
+struct TraceSetup {
+  TraceSetup() {
+    engine.memory = gibibytes(8);
+    engine.threads = 1;
+    trace.fields = Field::all;
+  }
+  EngineConfig engine;
+  TraceConfig trace;
+  std::size_t push_rays = 0;  ///< rays of one push(); 0: all at once
+};
+
+struct Traced {
+  Status status;
+  std::vector<Hit> hits;
+  std::string rows;  ///< as they stand in a hits file
+  JobStats stats;
+};
+
+/// Runs all rays through a store by an engine of its own.
+Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetup& setup = {});
+/// Pushes, finishes and fetches on a job.
+Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays = 0);
+
+/// Least memory (in steps of 1 MiB) under which an engine of this process opens the store.
+std::uint64_t least_memory(const std::string& path, EngineConfig config);
+
+/// Flips bits of one byte of a file.
+void flip(const std::string& path, std::uint64_t offset, unsigned char bits = 1);
+
+}  // namespace raymill::tests

@@ -1,0 +1,51 @@
+#include "tests/support/trees.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "storage/build/binary_tree.h"
+#include "storage/build/collapse.h"
+#include "storage/pages/page_assembler.h"
+
+namespace raymill::tests {
+
+storage::WideTree build_tree(const Scene& scene, unsigned width, unsigned threads) {
+  storage::Ledger ledger(gibibytes(8));
+  std::vector<Triangle> triangles = triangles_of(scene);
+  auto binary = storage::build_binary_tree(triangles, threads, ledger);
+  EXPECT_TRUE(binary.ok()) << binary.status().message();
+  return storage::collapse(*binary, std::move(triangles), width, storage::max_levels(width));
+}
+
+Pages build_pages(const Scene& scene, unsigned width, std::uint32_t page_bytes) {
+  Pages pages{build_tree(scene, width), {}, {}, {}};
+  auto plan = storage::plan_pages(pages.tree, storage::page_cost(width, page_bytes));
+  EXPECT_TRUE(plan.ok()) << plan.status().message();
+  pages.plan = std::move(*plan);
+  const storage::PageAssembler assembler(pages.tree, pages.plan);
+  for (std::uint32_t page = 0; page < pages.plan.pages.size(); ++page) {
+    auto image = assembler.assemble(page);
+    EXPECT_TRUE(image.ok()) << image.status().message();
+    pages.images.push_back(std::move(*image));
+  }
+  pages.rules = {width, pages.tree.levels, page_bytes, static_cast<std::uint32_t>(pages.images.size()), scene.size()};
+  return pages;
+}
+
+Scene snapped(const Scene& scene, int step_exponent) {
+  Scene result = scene;
+  for (Mesh& mesh : result) {
+    for (Corners& corners : mesh) {
+      for (Vec3f& p : corners) {
+        for (int axis = 0; axis < 3; ++axis) {
+          p[axis] = static_cast<float>(
+              std::ldexp(std::nearbyint(std::ldexp(double(p[axis]), -step_exponent)), step_exponent) + 0.0);
+        }
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace raymill::tests
