@@ -1,0 +1,173 @@
+"""What the trials share: running the program and watching its memory, a server, tables, scenes."""
+
+import argparse
+import hashlib
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+MIB = 1 << 20
+
+
+class Failure(Exception):
+    """A run that did not do what the trial needs; the message says which and what it printed."""
+
+    def __init__(self, message, rc=None, stderr=""):
+        super().__init__(message)
+        self.rc, self.stderr = rc, stderr
+
+
+def program(path):
+    """The type of an option that names a program."""
+    return pathlib.Path(path).resolve()
+
+
+def parser(text):
+    options = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--raymill", required=True, type=program, help="the program: build/release/bin/raymill")
+    options.add_argument("--work", help="folder for the trial's files, removed at the end; default TMPDIR")
+    options.add_argument("--short", action="store_true", help="the form that ctest runs")
+    return options
+
+
+def work_folder(options):
+    return tempfile.TemporaryDirectory(prefix="raymill-trial-", dir=options.work)
+
+
+def scenes_folder():
+    """The scene collection, or None. With RAYMILL_REQUIRE_SCENES=1 a missing one ends the trial."""
+    folder = pathlib.Path(os.environ.get("RAYMILL_SCENES", HERE.parents[2] / "shared" / "scenes"))
+    if (folder / "MANIFEST.tsv").exists():
+        return folder
+    if os.environ.get("RAYMILL_REQUIRE_SCENES") == "1":
+        sys.exit(f"no scenes in {folder}; set RAYMILL_SCENES")
+    return None
+
+
+class Run:
+    """A finished run: rc, stdout, stderr, seconds, and rss_bytes, the kernel's count of its peak."""
+
+    def __init__(self, command, timeout=None, cgroup=None, limits=()):
+        self.command = [str(word) for word in command]
+        with tempfile.NamedTemporaryFile(prefix="raymill-run-") as report:
+            launcher = [sys.executable, "-I", "-S", HERE / "launch.py", report.name, cgroup or "-", *limits, "--"]
+            done = subprocess.run(launcher + self.command, capture_output=True, text=True, timeout=timeout)
+            self.stdout, self.stderr = done.stdout, done.stderr
+            told = json.loads(pathlib.Path(report.name).read_text() or "{}")
+        self.rc = told.get("rc")
+        self.rss_bytes = told.get("rss_bytes", 0)
+        self.seconds = told.get("seconds", 0)
+
+    def need(self, rc=0):
+        if self.rc != rc:
+            raise Failure(f"{' '.join(self.command)}\n  ended with {self.rc}, not {rc}: {self.stderr.strip()}")
+        return self
+
+
+def run(*command, **options):
+    return Run(command, **options).need()
+
+
+def run_json(*command):
+    return json.loads(run(*command).stdout)
+
+
+def sha256(path):
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        while piece := file.read(1 << 20):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def vm_hwm_bytes(pid):
+    try:
+        status = pathlib.Path(f"/proc/{pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
+    for line in status.splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) << 10
+    return 0
+
+
+class Server:
+    """raymill serve over an ipc socket in `folder`, for a with statement."""
+
+    def __init__(self, raymill, stores, folder, *options):
+        self.address = f"ipc://{folder}/server.sock"
+        command = [raymill, "serve", "--stores", stores, "--bind", self.address, "--spool", folder, *options]
+        self.process = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE,
+                                        stderr=subprocess.PIPE, text=True)
+        if not self.process.stdout.readline().startswith("raymill serves"):
+            stderr = self.process.communicate()[1].strip()
+            raise Failure(f"the server did not start: {stderr}", self.process.returncode, stderr)
+
+    @property
+    def pid(self):
+        return self.process.pid
+
+    def alive(self):
+        return self.process.poll() is None
+
+    def rss_bytes(self):
+        return vm_hwm_bytes(self.pid)
+
+    def stop(self):
+        """Ends it as a user would; returns its exit code."""
+        if self.alive():
+            self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+        return self.process.returncode
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stop()
+
+
+def wait_until(what, seconds, step=0.02):
+    """Whether `what` came true in time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if what():
+            return True
+        time.sleep(step)
+    return what()
+
+
+class Table:
+    """Rows printed as they come, columns as wide as said."""
+
+    def __init__(self, **columns):
+        self.widths = list(columns.values())
+        self.row(*columns.keys())
+        self.row(*("-" * width for width in self.widths))
+
+    def row(self, *cells):
+        text = [str(cell).ljust(width) if i == 0 else str(cell).rjust(width)
+                for i, (cell, width) in enumerate(zip(cells, self.widths))]
+        print("  ".join(text).rstrip(), flush=True)
+
+
+def mib(size):
+    return f"{size / MIB:.1f}"
+
+
+def ended(problems, what):
+    """Prints the trial's last line; returns its exit code."""
+    for problem in problems:
+        print(f"FAILED: {problem}")
+    print(f"{what}: {'passed' if not problems else f'{len(problems)} failed'}", flush=True)
+    return 1 if problems else 0
