@@ -1,5 +1,5 @@
 // SIGINT and SIGTERM: a handler sets a flag, the work looks at it, cancels its job and leaves no partial output. A
-// second signal ends the process at once. Thread-safe.
+// second signal, two seconds later or more, ends the process at once. Thread-safe.
 #pragma once
 
 #include "storage/base/status.h"

@@ -123,8 +123,9 @@ void Progress::report(std::string_view phase, double fraction, std::uint64_t don
     return;
   }
   if (is_new_phase) {
+    // The first phase began when this object was made.
+    begin_ = phase_.empty() ? begin_ : now;
     phase_ = phase;
-    begin_ = now;
   }
   const std::string text =
       format_progress(style_, {.phase = phase,

@@ -33,8 +33,7 @@ Status run(const Options& options) {
   const Status status = server->run();
   ended = true;
   watcher.join();
-  RAYMILL_RETURN_IF_ERROR(status);
-  return interrupted() ? interrupted_status() : Status();
+  return status;
 }
 
 }  // namespace
@@ -46,7 +45,7 @@ Verb add_serve(CLI::App& app) {
   verb->footer(
       "\nServes the stores below one folder, under one memory budget, until SIGINT or SIGTERM; running jobs are "
       "cancelled\n"
-      "then, and the exit code is 130 or 143. Prints one line with the address once clients can connect.\n\n"
+      "then, and the exit code is 0. Prints one line with the address once clients can connect.\n\n"
       "  raymill serve --stores /srv/scenes --bind ipc:///run/raymill.sock --memory 16G");
   verb->add_option("--stores", config.stores_directory, "Folder with the stores; clients name them relative to it")
       ->required()

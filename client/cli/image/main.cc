@@ -77,6 +77,8 @@ int main(int argc, char** argv) {
                        static_cast<int>(header.channels), is_float ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
   if (is_float) {
     spec.attribute("compression", "zip");
+    // The time of writing would make equal pictures differ.
+    spec.attribute("DateTime", "1970:01:01 00:00:00");
     if (header.channels == 1) {
       spec.channelnames = {header.tone == Tone::distance ? "Z" : "Y"};
     }

@@ -42,8 +42,8 @@ Vector3 sun_direction(Random& random) {
 }
 
 std::uint64_t wave_bytes(const RenderConfig& config) {
-  constexpr std::uint64_t kState = sizeof(Ray) + 12;
-  return config.view == View::path ? 3 * kState : config.view == View::ao ? 2 * kState : kState;
+  constexpr std::uint64_t kState = sizeof(Ray) + 8;
+  return config.view == View::path ? 3 * kState + sizeof(Vector3) : config.view == View::ao ? 2 * kState : kState;
 }
 
 std::uint64_t row_bytes(const RenderConfig& config) {
@@ -75,31 +75,49 @@ Renderer::Renderer(const RenderConfig& config) : config_(config) {
   reserve(wave_);
   if (config.view == View::path) {
     reserve(next_wave_);
+    light_.resize(wave_size_);
   }
   if (config.view == View::path || config.view == View::ao) {
     reserve(occlusion_);
   }
 }
 
+std::size_t Renderer::pixel_of(const PathState& state) const {
+  return static_cast<std::size_t>((group_begin_ + state.slot) % band_pixels_);
+}
+
 Random Renderer::random_of(const PathState& state, std::uint32_t dimension) const {
-  const std::uint64_t pixel = std::uint64_t{band_begin_} * config_.extent.width + state.pixel;
-  return Random(mix(config_.seed, pixel, std::uint64_t{state.sample} << 32 | dimension));
+  const std::uint64_t pixel = std::uint64_t{band_begin_} * config_.extent.width + pixel_of(state);
+  const std::uint64_t sample = (group_begin_ + state.slot) / band_pixels_;
+  return Random(mix(config_.seed, pixel, sample << 32 | dimension));
 }
 
 bool Renderer::next_group() {
   wave_.clear();
-  const std::uint64_t width = config_.extent.width;
-  const std::uint64_t pixels = width * (band_end_ - band_begin_);
+  group_begin_ = group_end_;
+  group_end_ = std::min(group_begin_ + wave_size_, band_pixels_ * config_.spp);
   const bool is_centred = config_.view == View::depth || config_.view == View::normal;
-  for (; wave_.rays.size() < wave_size_ && group_next_ < pixels * config_.spp; ++group_next_) {
-    const PathState state{.pixel = static_cast<std::uint32_t>(group_next_ % pixels),
-                          .sample = static_cast<std::uint32_t>(group_next_ / pixels)};
+  for (std::uint64_t path = group_begin_; path < group_end_; ++path) {
+    const PathState state{.slot = static_cast<std::uint32_t>(path - group_begin_)};
+    const std::size_t pixel = pixel_of(state);
     Random random = random_of(state, 0);
     const double dx = is_centred ? 0.5 : random.unit(), dy = is_centred ? 0.5 : random.unit();
-    const auto row = static_cast<double>(band_begin_ + state.pixel / width);
-    wave_.add(camera_.ray(static_cast<double>(state.pixel % width) + dx, row + dy, config_.extent), state);
+    const auto x = static_cast<double>(pixel % config_.extent.width);
+    const auto y = static_cast<double>(band_begin_ + pixel / config_.extent.width);
+    wave_.add(camera_.ray(x + dx, y + dy, config_.extent), state);
   }
+  std::fill_n(light_.begin(), light_.empty() ? 0 : wave_.rays.size(), Vector3{});
   return !wave_.rays.empty();
+}
+
+void Renderer::add_group_to_band() {
+  for (std::uint64_t path = group_begin_; path < group_end_; ++path) {
+    const Vector3& light = light_[static_cast<std::size_t>(path - group_begin_)];
+    float* pixel = &band_[3 * static_cast<std::size_t>(path % band_pixels_)];
+    for (int i = 0; i < 3; ++i) {
+      pixel[i] += light[i];
+    }
+  }
 }
 
 Status Renderer::trace(Store& store, Query query, const Wave& wave,
@@ -132,9 +150,10 @@ Status Renderer::trace(Store& store, Query query, const Wave& wave,
   return {};
 }
 
-void Renderer::add_light(std::uint32_t pixel, const Vector3& light) {
+void Renderer::add_light(const PathState& state, const Vector3& light) {
+  Vector3& sum = light_[state.slot];
   for (int i = 0; i < 3; ++i) {
-    band_[3 * std::size_t{pixel} + i] += light[i];
+    sum[i] += state.throughput * light[i];
   }
 }
 
@@ -143,11 +162,12 @@ void Renderer::use_first_hit(std::size_t index, const Hit& hit) {
   const Ray& ray = wave_.rays[index];
   const bool is_hit = std::isfinite(hit.t);
   if (config_.view == View::depth) {
-    band_[state.pixel] = is_hit ? hit.t : std::numeric_limits<float>::infinity();
+    band_[pixel_of(state)] = is_hit ? hit.t : std::numeric_limits<float>::infinity();
   } else if (config_.view == View::normal) {
-    add_light(state.pixel, is_hit ? hit.normal : Vector3{});
+    const Vector3 normal = is_hit ? hit.normal : Vector3{};
+    std::copy(normal.begin(), normal.end(), &band_[3 * pixel_of(state)]);
   } else if (!is_hit) {
-    band_[state.pixel] += 1;
+    band_[pixel_of(state)] += 1;
   } else {
     Random random = random_of(state, 1);
     const Surface surface = surface_of(ray, hit);
@@ -160,8 +180,7 @@ void Renderer::use_path_hit(std::size_t index, const Hit& hit, std::uint32_t bou
   PathState state = wave_.states[index];
   const Ray& ray = wave_.rays[index];
   if (!std::isfinite(hit.t)) {
-    const Vector3 colour = sky(ray.dir);
-    add_light(state.pixel, {state.throughput * colour[0], state.throughput * colour[1], state.throughput * colour[2]});
+    add_light(state, sky(ray.dir));
     return;
   }
   Random random = random_of(state, 1 + bounce);
@@ -187,10 +206,9 @@ Status Renderer::shade_occlusion(Store& store, bool is_sun) {
       return;
     }
     if (is_sun) {
-      const float s = state.throughput;
-      add_light(state.pixel, {s * kSunIrradiance[0], s * kSunIrradiance[1], s * kSunIrradiance[2]});
+      add_light(state, kSunIrradiance);
     } else {
-      band_[state.pixel] += 1;
+      band_[pixel_of(state)] += 1;
     }
   });
   occlusion_.clear();
@@ -199,13 +217,14 @@ Status Renderer::shade_occlusion(Store& store, bool is_sun) {
 
 Status Renderer::render_band(Store& store) {
   std::fill(band_.begin(), band_.end(), 0.0F);
-  group_next_ = 0;
+  band_pixels_ = std::uint64_t{config_.extent.width} * (band_end_ - band_begin_);
+  group_end_ = 0;
   const double total = static_cast<double>(config_.extent.height) * config_.extent.width * config_.spp;
   const double before = static_cast<double>(band_begin_) * config_.extent.width * config_.spp;
   const bool is_path = config_.view == View::path;
   const double jobs = is_path ? 2.0 * (config_.bounces + 1) : config_.view == View::ao ? 2 : 1;
   while (true) {
-    fraction_begin_ = (before + static_cast<double>(group_next_)) / total;
+    fraction_begin_ = (before + static_cast<double>(group_end_)) / total;
     if (!next_group()) {
       return {};
     }
@@ -223,6 +242,7 @@ Status Renderer::render_band(Store& store) {
       RAYMILL_RETURN_IF_ERROR(shade_occlusion(store, true));
       std::swap(wave_, next_wave_);
     }
+    add_group_to_band();
   }
 }
 

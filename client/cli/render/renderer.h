@@ -1,7 +1,7 @@
 // Renderer: pictures by batches of rays. Each wave (the camera's rays, occlusion rays, a bounce, the rays to the sun)
 // is one job. The picture is made in bands of rows and groups of samples, as many at once as the memory given holds.
-// Every random number depends on the seed, the pixel and the sample alone, and sums run in the rays' order, so the
-// picture does not depend on memory, threads or machine. Thread-confined.
+// Every random number depends on the seed, the pixel and the sample alone, and a pixel's samples are summed in their
+// order, so the picture does not depend on memory, threads or machine. Thread-confined.
 #pragma once
 
 #include <cstdint>
@@ -55,8 +55,7 @@ class Renderer {
 
  private:
   struct PathState {
-    std::uint32_t pixel = 0;  ///< in the band
-    std::uint32_t sample = 0;
+    std::uint32_t slot = 0;  ///< which of the group's paths
     float throughput = 1;
   };
   struct Wave {
@@ -79,7 +78,10 @@ class Renderer {
   void use_first_hit(std::size_t index, const Hit& hit);
   void use_path_hit(std::size_t index, const Hit& hit, std::uint32_t bounce);
   Status shade_occlusion(Store& store, bool is_sun);
-  void add_light(std::uint32_t pixel, const Vector3& light);
+  void add_light(const PathState& state, const Vector3& light);
+  /// The pixel of a path in the band.
+  [[nodiscard]] std::size_t pixel_of(const PathState& state) const;
+  void add_group_to_band();
   [[nodiscard]] Random random_of(const PathState& state, std::uint32_t dimension) const;
 
   RenderConfig config_;
@@ -88,8 +90,11 @@ class Renderer {
   std::uint32_t band_rows_ = 0;
   std::uint32_t band_begin_ = 0;  ///< first row
   std::uint32_t band_end_ = 0;
-  std::uint64_t group_next_ = 0;  ///< next (sample, pixel) of the band
+  std::uint64_t band_pixels_ = 0;
+  std::uint64_t group_begin_ = 0;  ///< first path of the group; a band's path is sample x pixels + pixel
+  std::uint64_t group_end_ = 0;
   std::vector<float> band_;
+  std::vector<Vector3> light_;  ///< View::path: what each path of the group brings, added to the band in order
   Wave wave_, next_wave_, occlusion_;
   RunStats stats_;
   std::function<void(double, std::uint64_t)> progress_;
