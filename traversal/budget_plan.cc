@@ -23,9 +23,11 @@ constexpr std::uint64_t kThreadBytes = 96 << 10;
 
 constexpr unsigned kLeastChunkShift = 8;   // 256 rays
 constexpr unsigned kMostChunkShift = 16;   // 64 Ki rays: results come back in pieces of about a megabyte
+// Rows for each ray in flight.
+constexpr std::uint64_t kRowsPerRay = 3;
 constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinSlots) << kLeastChunkShift;
 constexpr std::uint64_t kMostRays = std::uint64_t(1) << 23;
-static_assert(kMostRays <= 0xFFFFFFFFu, "a ray's number has 32 bits");
+static_assert(kMostRays * kRowsPerRay <= 0xFFFFFFFFu, "a ray's number has 32 bits");
 // Every field and a full bitstack.
 constexpr std::size_t kLargestRow = 36;
 constexpr std::size_t kLargestRecord = 35 + sizeof(Bitstack);
@@ -50,7 +52,7 @@ std::uint64_t frame_cost(const storage::StoreFile& store, std::uint32_t frames) 
 
 std::uint64_t window_bytes(std::uint64_t rays, std::uint32_t page_count, std::size_t record_bytes,
                            std::size_t row_bytes) {
-  return page_count * sizeof(RayQueue) + rays * (row_bytes + sizeof(float)) +
+  return page_count * sizeof(RayQueue) + kRowsPerRay * rays * (row_bytes + sizeof(float)) +
          RayPool::chunks_needed(rays, page_count, record_bytes) * kRayChunkBytes;
 }
 
@@ -88,7 +90,7 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   const std::uint64_t all_frames = store.page_count() * per_frame;
   const std::uint64_t most_job =
       share.max_jobs * window_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
-  std::uint64_t page_bytes = std::max(rest / 4 * 3, rest - std::min(rest, most_job));
+  std::uint64_t page_bytes = std::max(rest / 2, rest - std::min(rest, most_job));
   page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
   plan.frame_count = static_cast<std::uint32_t>(
       std::max<std::uint64_t>(page_bytes / per_frame,
@@ -108,11 +110,12 @@ WindowPlan plan_window(std::uint64_t job_bytes, std::uint32_t page_count, std::s
         window_bytes(middle, page_count, record_bytes, row_bytes) <= job_bytes ? middle : middle - 1;
   }
   WindowPlan plan;
-  plan.chunk_shift = std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(low / 8)) - 1, kLeastChunkShift,
+  plan.most_in_flight = static_cast<std::uint32_t>(low);
+  plan.pool_chunks = static_cast<std::uint32_t>(RayPool::chunks_needed(low, page_count, record_bytes));
+  const std::uint64_t rows = low * kRowsPerRay;
+  plan.chunk_shift = std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(rows / 32)) - 1, kLeastChunkShift,
                                           kMostChunkShift);
-  plan.slots = std::max<std::uint32_t>(ResultWindow::kMinSlots, static_cast<std::uint32_t>(low >> plan.chunk_shift));
-  plan.pool_chunks = static_cast<std::uint32_t>(
-      RayPool::chunks_needed(std::uint64_t(plan.slots) << plan.chunk_shift, page_count, record_bytes));
+  plan.slots = static_cast<std::uint32_t>(rows >> plan.chunk_shift);
   return plan;
 }
 

@@ -2,8 +2,9 @@
 //
 //   share = fixed (tables, read buffers, decoders, workers) + frames x page size + jobs x (rays and their rows)
 //
-// Pages get what the decoded store needs, or three quarters of what is left after the fixed part; rays get the rest up
-// to what a job can use. Immutable values.
+// Pages get what the decoded store needs, or half of what is left after the fixed part, or more where rays cannot use
+// the other half. On a city of 20 M triangles at 130 MiB of 443, 1 M random rays read 92 k pages with a quarter for rays
+// whose rows end with them, 49 k with three rows a ray, 30 k with half for rays, 34 k with two thirds. Immutable values.
 #pragma once
 
 #include <cstdint>
@@ -27,11 +28,13 @@ struct BudgetPlan {
   std::uint64_t job_bytes = 0;     ///< for each job: queues, rays, rows
 };
 
-/// Rays in flight of one job: slots << chunk_shift.
+/// Rays of one job. Rows reach further than rays in flight: a few stragglers hold up a chunk of rows, and new rays take
+/// the places of those that are done meanwhile.
 struct WindowPlan {
-  unsigned chunk_shift = 0;
-  std::uint32_t slots = 0;
+  std::uint32_t most_in_flight = 0;
   std::uint32_t pool_chunks = 0;
+  unsigned chunk_shift = 0;  ///< rows: slots << chunk_shift
+  std::uint32_t slots = 0;
 };
 
 /// The least share under which the store can be traced.

@@ -62,6 +62,9 @@ void PageScheduler::add(storage::PageId page, std::uint32_t rays, PageState stat
 void PageScheduler::remove(storage::PageId page, std::uint32_t rays) {
   const std::uint32_t i = index_of(page);
   demand_[i] -= rays;
+  if (demand_[i] == 0) {
+    is_ready_[i] = false;  // it may be evicted before its place in the ready list comes up
+  }
   if (list_of_[i] != kNotListed) {
     unlist(i);
     if (demand_[i] > 0) {
@@ -85,8 +88,8 @@ std::optional<storage::PageId> PageScheduler::take_ready() {
   while (!ready_.empty()) {
     const std::uint32_t page = ready_.front();
     ready_.pop_front();
-    is_ready_[page] = false;
-    if (demand_[page] > 0) {
+    if (is_ready_[page]) {
+      is_ready_[page] = false;
       return storage::PageId{page};
     }
   }

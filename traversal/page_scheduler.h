@@ -49,7 +49,7 @@ class PageScheduler {
  private:
   static constexpr unsigned kLists = 32;
   static constexpr std::uint8_t kNotListed = 0xFF;
-  static constexpr unsigned kAgeInterval = 8;
+  static constexpr unsigned kAgeInterval = 64;
   void list(std::uint32_t page);
   void unlist(std::uint32_t page);
   void make_ready(std::uint32_t page);

@@ -99,6 +99,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
       plan_window(plan_.job_bytes, rules.page_count, setup.layout.bytes(), window.kept.row_bytes());
   window.chunk_shift = plan.chunk_shift;
   window.slots = plan.slots;
+  setup.most_in_flight = plan.most_in_flight;
 
   const std::lock_guard lock(mutex_);
   if (jobs_.size() >= config_.share.max_jobs) {

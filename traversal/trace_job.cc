@@ -9,6 +9,7 @@ TraceJob::TraceJob(Setup setup)
       kernel(setup.kernel),
       kernel_name(std::move(setup.kernel_name)),
       layout(setup.layout),
+      most_in_flight(setup.most_in_flight),
       pool(std::move(setup.pool)),
       window(std::move(setup.window)),
       queues(setup.page_count),

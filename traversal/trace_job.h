@@ -32,6 +32,7 @@ class TraceJob {
     std::unique_ptr<ResultWindow> window;
     storage::BudgetReservation queues_claim;
     std::uint32_t page_count = 0;
+    std::uint32_t most_in_flight = 0;
   };
   explicit TraceJob(Setup setup);
 
@@ -43,6 +44,7 @@ class TraceJob {
   const Kernel kernel;
   const std::string kernel_name;
   const RecordLayout layout;
+  const std::uint32_t most_in_flight;
 
   // Under the tracer's mutex.
   std::unique_ptr<RayPool> pool;
@@ -54,6 +56,7 @@ class TraceJob {
   JobStats stats;
   std::uint64_t rays_pushed = 0;
   std::uint64_t rays_done = 0;
+  [[nodiscard]] std::uint64_t in_flight() const { return rays_pushed - rays_done; }
   std::chrono::steady_clock::time_point first_push{}, last_done{};
   std::condition_variable changed;  ///< a slot is free or done, or the job ended
 
