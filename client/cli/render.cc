@@ -62,6 +62,39 @@ float default_radius(const StoreInfo& info) {
   return static_cast<float>(0.1 * std::sqrt(sum));
 }
 
+// Shares of the budget for the picture and the waves, tried in turn; the rest is for pages and rays in flight.
+constexpr std::uint64_t kShares[] = {16, 64, 256, 1024};
+
+struct Stage {
+  std::unique_ptr<Renderer> renderer;
+  OpenStore open;
+};
+
+// The renderer takes its memory before the engine is made. Where the store then does not fit, a smaller share may do.
+Result<Stage> set_stage(const Options& options) {
+  RenderConfig config = options.render;
+  Status refused;
+  for (const std::uint64_t share : kShares) {
+    config.memory_bytes = options.service.memory / share;
+    if (Renderer::least_memory_bytes(config) > options.service.memory / 2) {
+      return Status(ErrorCode::budget_exceeded, "a picture of this size needs at least " +
+                                                    storage::format_bytes(2 * Renderer::least_memory_bytes(config)) +
+                                                    ", " + storage::format_bytes(options.service.memory) +
+                                                    " given; raise --memory");
+    }
+    auto renderer = std::make_unique<Renderer>(config);
+    auto open = open_store(options.service, options.store);
+    if (open) {
+      return Stage{std::move(renderer), std::move(*open)};
+    }
+    refused = open.status();
+    if (refused.code() != ErrorCode::budget_exceeded) {
+      break;
+    }
+  }
+  return refused;
+}
+
 Status run(Options& options) {
   RenderConfig& config = options.render;
   const bool is_sampled = config.view == View::ao || config.view == View::path;
@@ -69,17 +102,12 @@ Status run(Options& options) {
     return {ErrorCode::invalid_argument, "--spp is for --view ao and path; depth and normal take one ray a pixel"};
   }
   config.spp = options.spp.value_or(is_sampled ? kDefaultSpp : 1);
-  // A sixteenth of the budget for the picture and the waves; the rest is for pages and rays in flight.
-  config.memory_bytes = options.service.memory / 16;
-  if (const std::uint64_t least = Renderer::least_memory_bytes(config); config.memory_bytes < least) {
-    return {ErrorCode::budget_exceeded, "a picture of this size needs at least " + storage::format_bytes(16 * least) +
-                                            ", " + storage::format_bytes(options.service.memory) + " given"};
-  }
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   RAYMILL_ASSIGN_OR_RETURN(
       auto picture, Picture::create(options.output, config.extent, channels_of(config.view), tone_of(config.view)));
-  Renderer renderer(config);
-  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
+  RAYMILL_ASSIGN_OR_RETURN(Stage stage, set_stage(options));
+  const OpenStore& open = stage.open;
+  Renderer& renderer = *stage.renderer;
   {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
     RAYMILL_ASSIGN_OR_RETURN(const Camera camera, choose_camera(options.camera, info, config.extent));
