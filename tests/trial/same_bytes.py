@@ -1,6 +1,6 @@
 """The same hits, byte for byte, in every configuration, with the process's memory inside --memory each time.
 
-    same_bytes.py --raymill RAYMILL [--scene FILE] [--triangles N] [--rays N] [--short]
+    same_bytes.py --raymill RAYMILL [--scene FILE] [--triangles N] [--rays N] [--few] [--short]
 
 Varies width, page size, codec, instruction set, threads, embedded or server, and --memory: 100, 25 and 5 % of the
 decoded store, or the least that the store allows. Draco is compared with zstd on the same lattice. Peak memory is told
@@ -24,7 +24,7 @@ STORES = [
     {"positions": "lattice:18b"}, {"positions": "lattice:18b", "codec": "draco"},
     {"positions": "lattice:18b", "codec": "raw"},
 ]
-SHORT_STORES = [STORES[0], STORES[1], STORES[2], STORES[7], STORES[8]]
+FEW_STORES = [STORES[0], STORES[1], STORES[2], STORES[4], STORES[7], STORES[8]]
 SHARES = [100, 25, 5]
 # Beside the plain run (best ISA, two threads, embedded) of each store.
 VARIATIONS = [{"isa": "scalar", "threads": 2}, {"isa": "avx2", "threads": 1}, {"isa": "scalar", "threads": 1},
@@ -41,15 +41,16 @@ class Trial:
         self.shares = [100, 5] if options.short else SHARES
         self.problems = []
         self.truths = {}  # what should be equal: the first hash seen
-        self.table = support.Table(configuration=52, limit=8, stats=7, wait4=7, cgroup=7, pages=8, krays=8, sha256=10,
+        self.table = support.Table(configuration=58, limit=8, stats=7, wait4=7, cgroup=7, pages=8, krays=8, sha256=10,
                                    same=5)
 
     def build(self, scene, setting):
         setting = {**BASE, **setting}
         store = self.folder / "scene.mill"
-        built = support.run_json(self.options.raymill, "build", scene, "-o", store, "--memory", self.options.build_memory,
-                                 "--width", setting["width"], "--page-size", setting["page"], "--codec",
-                                 setting["codec"], "--positions", setting["positions"], "--json")
+        built = support.run_json(self.options.raymill, "build", scene, "-o", store, "--memory",
+                                 self.options.build_memory, "--width", setting["width"], "--page-size",
+                                 setting["page"], "--codec", setting["codec"], "--positions", setting["positions"],
+                                 "--json")
         name = f"N{setting['width']} {setting['page']} {setting['codec']} {setting['positions']}"
         return store, name, built["decoded_bytes"], setting["positions"]
 
@@ -80,14 +81,15 @@ class Trial:
         return limit, done, digest, told
 
     def case(self, store, label, truth, share, decoded, variation, query=()):
-        limit = int(decoded * share / 100)
+        """One row; returns whether the store needed more memory than the share."""
+        limit = asked = max(int(decoded * share / 100), support.MIB)
         options = list(query)
         threads = variation.get("threads", 2)
         engine = ["--threads", str(threads)] + (["--isa", variation["isa"]] if "isa" in variation else [])
-        what = f"{variation.get('isa', 'best')} {threads}t" + (" server" if variation.get("server") else "")
-        label = f"{label} {what} {share}%" + (" " + " ".join(query[1::2]) if query else "")
+        what = f"{variation.get('isa', 'best')} {threads}t"
+        what += "".join(f" {place}" for place in ("server", "cgroup") if variation.get(place))
+        label = f"{label} {what}" + "".join(f" {word}" for word in query[1::2])
         cgroup = None
-        limit = max(limit, support.MIB)
         if variation.get("server"):
             def attempt(limit):
                 serve = ["--memory", str(limit), "--max-jobs", "1", "--max-stores", "1", *engine]
@@ -106,10 +108,11 @@ class Trial:
                 finally:
                     cgroup.close()
             limit, done, digest, told = self.grow_to_least(confined, limit)
+        label += f" {share}%" + (" (least)" if limit > asked else "")
         if digest is None:
             self.problems.append(f"{label}: ended with {done.rc}: {done.stderr.strip()}")
-            self.table.row(label, support.mib(limit), "-", "-", "-", "-", "-", "-", "no")
-            return
+            self.table.row(label, support.mib(limit), "-", "-", "-", "-", "-", "-", "NO")
+            return False
         stats, kernel = told
         same = digest == self.truths.setdefault(truth, digest)
         peak = max(stats["peak_rss_bytes"], kernel)
@@ -121,14 +124,16 @@ class Trial:
                        support.mib(cgroup.max_bytes) if cgroup else "-", stats["pages_read"],
                        f"{stats['rays_per_second'] / 1000:.1f}", digest[:10], ("yes" if same else "NO") +
                        (" OVER" if peak > limit else ""))
+        return limit > asked
 
     def store(self, scene, setting, variations, queries):
         store, name, decoded, positions = self.build(scene, setting)
-        for share in self.shares:
-            for variation in [{}, *variations]:
-                self.case(store, name, f"closest {positions}", share, decoded, variation)
-            if MemoryCgroup.refusal() is None and not self.options.no_cgroup:
-                self.case(store, name + " cgroup", f"closest {positions}", share, decoded, {"cgroup": True})
+        if variations and MemoryCgroup.refusal() is None:
+            variations = [*variations, {"cgroup": True}]
+        for variation in [{}, *variations]:
+            for share in self.shares:
+                if self.case(store, name, f"closest {positions}", share, decoded, variation):
+                    break  # that was the least already
         for query in queries:
             for share in (self.shares[0], self.shares[-1]):
                 for variation in [{}, {"isa": "scalar", "threads": 1}]:
@@ -140,14 +145,14 @@ def main():
     options = support.parser(__doc__)
     options.add_argument("--scene", type=pathlib.Path, help="a glTF file; left out: a generated city")
     options.add_argument("--triangles", default="20M")
-    options.add_argument("--rays", default="1M")
+    options.add_argument("--rays", default="250k")
     options.add_argument("--kind", default="bounce", help="as for raymill rays")
     options.add_argument("--build-memory", default="12G")
-    options.add_argument("--no-cgroup", action="store_true")
+    options.add_argument("--few", action="store_true", help="half of the stores")
     options = options.parse_args()
     if options.short:
         options.triangles, options.rays = "200k", "20k"
-    stores = SHORT_STORES if options.short else STORES
+    stores = FEW_STORES if options.short or options.few else STORES
     queries = [["--mode", "fast"], ["--query", "any"], ["--query", "any", "--mode", "fast"]]
     with support.work_folder(options) as folder:
         scene = options.scene
@@ -162,7 +167,7 @@ def main():
                     trial.rays)
         os.sync()
         for i, setting in enumerate(stores):
-            full = i == 0 or setting.get("codec") == "draco"
+            full = i == 0 or (setting.get("codec") == "draco" and not options.short)
             trial.store(scene, setting, VARIATIONS if full else [], queries if i == 0 else [])
     return support.ended(trial.problems, "same bytes")
 

@@ -36,8 +36,10 @@ inline Quad magnitude(Quad x) { return x < 0 ? -x : x; }
 // values of at most L + Z, so an edge function Cx*By - Cy*Bx is off by at most 4 * 4u (L + Z) L + 6u L^2 < 2^-48 L (L +
 // Z). A float64 sign is trusted only beyond that; the rest is decided in 113 bits.
 inline Meeting meet(const Ray& ray, const storage::Triangle& triangle) {
-  const int kz = std::fabs(ray.dir[0]) > std::fabs(ray.dir[1]) ? (std::fabs(ray.dir[0]) > std::fabs(ray.dir[2]) ? 0 : 2)
-                                                               : (std::fabs(ray.dir[1]) > std::fabs(ray.dir[2]) ? 1 : 2);
+  int kz = 0;
+  for (int axis = 1; axis < 3; ++axis) {
+    kz = std::fabs(ray.dir[axis]) > std::fabs(ray.dir[kz]) ? axis : kz;
+  }
   const int kx = (kz + 1) % 3, ky = (kx + 1) % 3;
   const double dz = ray.dir[kz], sx = ray.dir[kx] / dz, sy = ray.dir[ky] / dz;
   double x[3], y[3], z[3], size = 0, depth = 0;
