@@ -129,7 +129,8 @@ RTCBuildArguments build_arguments(RTCBVH bvh, std::vector<RTCBuildPrimitive>& pr
 }  // namespace
 
 Result<EmbreeDevice> EmbreeDevice::create() {
-  RTCDevice device = rtcNewDevice("threads=1");
+  // No number of threads here: Embree would limit TBB to it for the whole process. Runs are built on one thread each.
+  RTCDevice device = rtcNewDevice(nullptr);
   if (device == nullptr) {
     return {ErrorCode::internal, "Embree gave no device (error " + std::to_string(rtcGetDeviceError(nullptr)) + ")"};
   }

@@ -1,6 +1,7 @@
 // build(): import -> lattice -> binary tree -> MBVH -> page plan -> pages -> file.
 #include "storage/io/build_store.h"
 
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -70,6 +71,10 @@ class Builder {
   Builder(const BuildConfig& config, Plan plan) : config_(config), plan_(std::move(plan)), ledger_(config.memory) {}
 
   Result<BuildReport> run() {
+    // As many workers as were asked for, also where that is more than there are cores; never fewer than others use.
+    const tbb::global_control workers(
+        tbb::global_control::max_allowed_parallelism,
+        std::max(std::size_t{plan_.threads}, static_cast<std::size_t>(tbb::this_task_arena::max_concurrency())));
     const std::uint64_t base_bytes = resident_bytes() + kBaseSlackBytes;
     RAYMILL_ASSIGN_OR_RETURN(const BudgetReservation base, ledger_.claim(Tag::base, base_bytes));
     // A full disk or a wrong folder is found before the hours of work, not after them.
