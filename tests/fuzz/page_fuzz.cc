@@ -1,0 +1,81 @@
+// A page from any bytes, with every codec: decoded or refused. What is decoded is then the whole store of a few rays:
+// the kernels follow its indices blindly, so whatever validate_image lets through must end, in a hit, a miss or a
+// refusal.
+//
+// The first byte chooses width, positions and whether the rest is an encoded page or an image.
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <span>
+
+#include "storage/pages/codec.h"
+#include "storage/pages/page_assembler.h"
+#include "traversal/kernel.h"
+#include "traversal/ray_state.h"
+
+namespace {
+
+using namespace raymill;
+using namespace raymill::storage;
+
+constexpr std::uint32_t kPageBytes = 16 << 10;
+// Few levels: a tree may visit width^levels nodes, and a fuzzer would find one that does.
+constexpr unsigned kLevels = 4;
+
+void run_rays(const std::byte* image, const PageRules& rules) {
+  const std::atomic<const std::byte*> images[] = {image};
+  std::atomic<std::uint8_t> touched[] = {0};
+  const HitLayout layout(Field::all);
+  std::byte row[36];
+  const float* tnears[] = {nullptr};
+  const traversal::RowTable rows{0, layout.row_bytes(), layout, row, tnears};
+  for (const traversal::Isa isa : traversal::runnable_isas()) {
+    for (const Query query : {Query::closest, Query::any}) {
+      for (const Mode mode : {Mode::watertight, Mode::fast}) {
+        traversal::RayState ray;
+        ray.org = {0.1F, 0.2F, -5};
+        ray.dir = {0.01F, -0.0F, 1};
+        ray.tfar = std::numeric_limits<float>::max();
+        layout.write({}, row);
+        traversal::KernelContext context{images, touched, &rows, true, {}, false};
+        traversal::find_kernel(isa, {query, mode, rules.width, rules.width * rules.levels > 64})(context, {&ray, 1});
+        // The one page is there, so nothing is left to wait for.
+        if (!ray.done) {
+          std::abort();
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 1) {
+    return 0;
+  }
+  const std::uint8_t choice = data[0];
+  const PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, kPageBytes, 1, 3};
+  const PositionKind positions{(choice & 2) != 0, -12};
+  const auto bytes = std::as_bytes(std::span(data, size)).subspan(1);
+  if ((choice & 4) != 0) {
+    PageBuffer image(bytes.begin(), bytes.end());
+    if (validate_image(image, rules).ok()) {
+      run_rays(image.data(), rules);
+    }
+    return 0;
+  }
+  static PageBuffer frame(kPageBytes);
+  PageDecoder decoder(rules, positions, Codec::draco);
+  const auto decoded = decoder.decode(bytes, frame);
+  if (!decoded) {
+    return 0;
+  }
+  (void)check_boxes(frame.data());
+  run_rays(frame.data(), rules);
+  return 0;
+}

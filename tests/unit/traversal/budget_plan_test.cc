@@ -1,0 +1,99 @@
+#include "traversal/budget_plan.h"
+
+#include <gtest/gtest.h>
+
+#include "storage/cache/page_cache.h"
+#include "storage/io/page_reader.h"
+#include "tests/support/stores.h"
+#include "traversal/ray_pool.h"
+#include "traversal/result_window.h"
+
+namespace raymill::traversal {
+namespace {
+
+using storage::Ledger;
+using storage::StoreFile;
+
+// What a tracer with this plan and `jobs` jobs of the largest kind claims, piece by piece.
+std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsigned jobs) {
+  const std::size_t record = 35 + sizeof(Bitstack);
+  const HitLayout row(Field::all);
+  const WindowPlan window = plan_window(plan.job_bytes, store.page_count(), record, row.row_bytes());
+  ResultWindow::Config config;
+  config.kept = row;
+  config.chunk_shift = window.chunk_shift;
+  config.slots = window.slots;
+  const std::uint64_t job = store.page_count() * sizeof(RayQueue) + ResultWindow::bytes(config) +
+                            std::uint64_t(window.pool_chunks) * kRayChunkBytes;
+  return std::uint64_t(plan.frame_count) * store.header().page_bytes +
+         storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
+         storage::PreadPool::buffer_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
+}
+
+class BudgetPlanTest : public testing::Test {
+ protected:
+  std::shared_ptr<const StoreFile> open(std::size_t triangles, std::uint32_t page_bytes, const char* codec) {
+    tests::Random random(1);
+    BuildConfig config = tests::small_pages();
+    config.page_bytes = page_bytes;
+    config.codec = codec;
+    return *StoreFile::open(tests::build_store(folder_, "scene.mill", {tests::soup(random, triangles)}, config),
+                            ledger_);
+  }
+  tests::TempFolder folder_;
+  Ledger ledger_{gibibytes(4)};
+};
+
+TEST_F(BudgetPlanTest, ClaimsNeverPassTheShareAndTheLeastIsEnough) {
+  for (const std::uint32_t page_bytes : {16u << 10, 64u << 10, 256u << 10}) {
+    for (const std::size_t triangles : {10, 20000}) {
+      const auto store = open(triangles, page_bytes, page_bytes == 16u << 10 ? "raw" : "zstd");
+      for (const unsigned threads : {1u, 2u, 7u, 64u}) {
+        for (const unsigned jobs : {1u, 3u, 40u}) {
+          const std::uint64_t least = least_share_bytes(*store, threads, jobs);
+          EXPECT_EQ(plan_budget(*store, {least - 1, threads, jobs}).status().code(), ErrorCode::budget_exceeded);
+          for (std::uint64_t share = least; share < gibibytes(64); share += 1 + share / 5) {
+            const auto plan = plan_budget(*store, {share, threads, jobs});
+            ASSERT_TRUE(plan) << plan.status().message();
+            const std::string where = std::to_string(share) + " bytes, " + std::to_string(threads) + " threads, " +
+                                      std::to_string(jobs) + " jobs, pages of " + std::to_string(page_bytes) + ", " +
+                                      std::to_string(store->page_count()) + " pages";
+            ASSERT_LE(claimed_bytes(*store, *plan, jobs), share) << where;
+            EXPECT_GE(plan->read_depth, 1u) << where;
+            EXPECT_GE(plan->frame_count, std::min(store->page_count(), threads + plan->read_depth)) << where;
+            EXPECT_LE(plan->frame_count, store->page_count()) << where;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_F(BudgetPlanTest, RefusalNamesTheLeast) {
+  const auto store = open(1000, 16 << 10, "zstd");
+  const std::uint64_t least = least_share_bytes(*store, 2, 1);
+  const Status status = plan_budget(*store, {least / 2, 2, 1}).status();
+  EXPECT_NE(status.message().find(storage::format_bytes(least)), std::string::npos) << status.message();
+}
+
+TEST_F(BudgetPlanTest, PlentyHoldsTheWholeStore) {
+  const auto store = open(20000, 16 << 10, "zstd");
+  EXPECT_EQ(plan_budget(*store, {gibibytes(4), 2, 1})->frame_count, store->page_count());
+}
+
+TEST(WindowPlan, GrowsWithItsBytesAndNeverPassesThem) {
+  std::uint64_t last = 0;
+  for (std::uint64_t bytes = mebibytes(1); bytes < gibibytes(8); bytes += bytes / 3) {
+    const WindowPlan plan = plan_window(bytes, 1000, 43, 36);
+    const std::uint64_t rows = std::uint64_t(plan.slots) << plan.chunk_shift;
+    EXPECT_GE(plan.slots, ResultWindow::kMinSlots);
+    EXPECT_GE(rows, plan.most_in_flight) << "every ray in flight has a row";
+    EXPECT_GE(plan.most_in_flight, last) << "more memory, not fewer rays";
+    EXPECT_LE(rows * 40 + std::uint64_t(plan.pool_chunks) * kRayChunkBytes, bytes);
+    EXPECT_GE(plan.pool_chunks, RayPool::chunks_needed(plan.most_in_flight, 1000, 43));
+    last = plan.most_in_flight;
+  }
+}
+
+}  // namespace
+}  // namespace raymill::traversal
