@@ -76,10 +76,15 @@ void JobRunner::cancel() {
   changed_.notify_all();
 }
 
+std::uint64_t JobRunner::rays_done() const {
+  const std::lock_guard lock(mutex_);
+  return job_ != nullptr ? job_->progress().rays_done : rays_done_;
+}
+
 void JobRunner::run() {
   RunEnded end;
   end.status = trace(end.stats);
-  end.total_rows = rays_done();
+  end.total_rows = rows_given_;
   stores_.release(spec_.store);
   post(std::move(end));
 }
@@ -110,6 +115,7 @@ Status JobRunner::trace(JobStats& stats) {
       status = push_status_;
     }
     cancelled_ = true;  // the push thread has nothing left to wait for
+    rays_done_ = job->progress().rays_done;
     job_ = nullptr;
   }
   changed_.notify_all();
@@ -177,7 +183,7 @@ Status JobRunner::take_results(Job& job) {
       break;
     }
     RAYMILL_RETURN_IF_ERROR(spool ? spool->append(chunk->rows()) : send_rows(*chunk));
-    rays_done_.fetch_add(chunk->size(), std::memory_order_relaxed);
+    rows_given_ += chunk->size();
   }
   RAYMILL_RETURN_IF_ERROR(job.status());
   {

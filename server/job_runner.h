@@ -9,7 +9,6 @@
 // them, and pushing goes on. Public calls belong to the router thread and do not block, but for the destructor.
 #pragma once
 
-#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -46,8 +45,8 @@ class JobRunner {
   void finish();
   void accept_rows(std::uint64_t limit);
   void cancel();
-  /// Rows that the tracer has given out.
-  [[nodiscard]] std::uint64_t rays_done() const { return rays_done_.load(std::memory_order_relaxed); }
+  /// Rays that are traced, by the tracer's own count.
+  [[nodiscard]] std::uint64_t rays_done() const;
 
  private:
   void run();
@@ -63,17 +62,19 @@ class JobRunner {
   const Spool& spool_;
   EventQueue& events_;
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Frame> chunks_;
   bool finished_ = false;
   bool cancelled_ = false;
   std::uint64_t rows_limit_;
-  Job* job_ = nullptr;  ///< while it may be cancelled
-  Status push_status_;  ///< what ended the push thread early
+  Job* job_ = nullptr;           ///< while it may be cancelled
+  std::uint64_t rays_done_ = 0;  ///< once it may not
+  Status push_status_;           ///< what ended the push thread early
 
-  std::atomic<std::uint64_t> rays_done_ = 0;
-  std::uint64_t messages_sent_ = 0;  ///< of the result thread
+  // Of the result thread:
+  std::uint64_t rows_given_ = 0;
+  std::uint64_t messages_sent_ = 0;
   std::thread result_thread_;
 };
 

@@ -21,8 +21,8 @@ constexpr unsigned kLeastReadDepth = 2;
 // Stack pages that a thread touches, and what the C library keeps for it.
 constexpr std::uint64_t kThreadBytes = 96 << 10;
 
-constexpr unsigned kLeastChunkShift = 8;   // 256 rays
-constexpr unsigned kMostChunkShift = 16;   // 64 Ki rays: results come back in pieces of about a megabyte
+constexpr unsigned kLeastChunkShift = 8;  // 256 rays
+constexpr unsigned kMostChunkShift = 16;  // 64 Ki rays: results come back in pieces of about a megabyte
 // Rows for each ray in flight.
 constexpr std::uint64_t kRowsPerRay = 3;
 constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinSlots) << kLeastChunkShift;
@@ -71,8 +71,9 @@ std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned thread
 Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare& share) {
   const std::uint64_t least = least_share_bytes(store, share.threads, share.max_jobs);
   if (share.bytes < least) {
-    return {ErrorCode::budget_exceeded, "needs at least " + storage::format_bytes(least) + " beside the process itself, " +
-                                            storage::format_bytes(share.bytes) + " left"};
+    return {ErrorCode::budget_exceeded, "needs at least " + storage::format_bytes(least) +
+                                            " beside the process itself, " + storage::format_bytes(share.bytes) +
+                                            " left"};
   }
   BudgetPlan plan;
   // A deep read queue is worth its buffers only where they are small beside the pages.
@@ -92,9 +93,8 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
       share.max_jobs * window_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
   std::uint64_t page_bytes = std::max(rest / 2, rest - std::min(rest, most_job));
   page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
-  plan.frame_count = static_cast<std::uint32_t>(
-      std::max<std::uint64_t>(page_bytes / per_frame,
-                              std::min(store.page_count(), least_frames(share.threads, plan.read_depth))));
+  plan.frame_count = static_cast<std::uint32_t>(std::max<std::uint64_t>(
+      page_bytes / per_frame, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))));
   plan.frame_count = std::min(plan.frame_count, store.page_count());
   plan.worker_bytes = worker_bytes(store, share.threads, plan.read_depth);
   plan.job_bytes = std::min((rest - plan.frame_count * per_frame) / share.max_jobs, most_job / share.max_jobs);
@@ -113,8 +113,8 @@ WindowPlan plan_window(std::uint64_t job_bytes, std::uint32_t page_count, std::s
   plan.most_in_flight = static_cast<std::uint32_t>(low);
   plan.pool_chunks = static_cast<std::uint32_t>(RayPool::chunks_needed(low, page_count, record_bytes));
   const std::uint64_t rows = low * kRowsPerRay;
-  plan.chunk_shift = std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(rows / 32)) - 1, kLeastChunkShift,
-                                          kMostChunkShift);
+  plan.chunk_shift =
+      std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(rows / 32)) - 1, kLeastChunkShift, kMostChunkShift);
   plan.slots = static_cast<std::uint32_t>(rows >> plan.chunk_shift);
   return plan;
 }

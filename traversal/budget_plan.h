@@ -3,8 +3,9 @@
 //   share = fixed (tables, read buffers, decoders, workers) + frames x page size + jobs x (rays and their rows)
 //
 // Pages get what the decoded store needs, or half of what is left after the fixed part, or more where rays cannot use
-// the other half. On a city of 20 M triangles at 130 MiB of 443, 1 M random rays read 92 k pages with a quarter for rays
-// whose rows end with them, 49 k with three rows a ray, 30 k with half for rays, 34 k with two thirds. Immutable values.
+// the other half. On a city of 20 M triangles at 130 MiB of 443, 1 M random rays read 92 k pages with a quarter for
+// rays whose rows end with them, 49 k with three rows a ray, 30 k with half for rays, 34 k with two thirds. Immutable
+// values.
 #pragma once
 
 #include <cstdint>

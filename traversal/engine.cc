@@ -118,9 +118,9 @@ class Engine::Impl {
     config.isa = isa_;
     config.spill_directory = spill_directory(config_.spill_directory);
     if (config.share.bytes < traversal::least_share_bytes(*file, threads_, config_.max_jobs)) {
-      return {ErrorCode::budget_exceeded,
-              path + ": needs at least " + storage::format_bytes(least_memory(*file)) + " of memory, " +
-                  storage::format_bytes(config_.memory) + " given; raise --memory"};
+      return {ErrorCode::budget_exceeded, path + ": needs at least " + storage::format_bytes(least_memory(*file)) +
+                                              " of memory, " + storage::format_bytes(config_.memory) +
+                                              " given; raise --memory"};
     }
     auto tracer = StoreTracer::create(std::move(file), config, ledger_);
     if (tracer) {
@@ -132,8 +132,8 @@ class Engine::Impl {
   // Of a process like this one, with this store alone.
   [[nodiscard]] std::uint64_t least_memory(const StoreFile& file) const {
     const std::uint64_t directory = file.page_count() * sizeof(storage::PageEntry);
-    const std::uint64_t least = base_bytes_ + (directory + traversal::least_share_bytes(file, threads_, config_.max_jobs)) *
-                                                  config_.max_stores;
+    const std::uint64_t least =
+        base_bytes_ + (directory + traversal::least_share_bytes(file, threads_, config_.max_jobs)) * config_.max_stores;
     return (least + mebibytes(1) - 1) / mebibytes(1) * mebibytes(1);
   }
 

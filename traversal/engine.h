@@ -5,18 +5,18 @@
 #include <memory>
 #include <string>
 
-#include "traversal/service.h"
 #include "storage/base/ledger.h"
+#include "traversal/service.h"
 
 namespace raymill {
 
 struct EngineConfig {
   /// Limit of the whole process, not of this engine alone: what the process holds already is measured and counted.
   std::uint64_t memory = gibibytes(2);
-  unsigned threads = 0;     ///< workers; 0: one for each core
-  std::string isa;          ///< "scalar", "avx2"; empty: the best this machine has
-  unsigned max_jobs = 1;    ///< jobs at once; each gets its share of the ray memory
-  unsigned max_stores = 1;  ///< stores open at once; each gets its share of the page memory
+  unsigned threads = 0;         ///< workers; 0: one for each core
+  std::string isa;              ///< "scalar", "avx2"; empty: the best this machine has
+  unsigned max_jobs = 1;        ///< jobs at once; each gets its share of the ray memory
+  unsigned max_stores = 1;      ///< stores open at once; each gets its share of the page memory
   std::string spill_directory;  ///< for results that wait; empty: TMPDIR, else /tmp
 };
 

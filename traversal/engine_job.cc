@@ -70,8 +70,8 @@ Status EngineJob::push(std::span<const Ray> rays) {
   return {};
 }
 
-// Waits until a ray more may be in flight and has a row; where only fetching would free rows, finished chunks go to disk
-// instead.
+// Waits until a ray more may be in flight and has a row; where only fetching would free rows, finished chunks go to
+// disk instead.
 Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   ResultWindow& window = *job_->window;
   while (job_->status.ok()) {
@@ -110,8 +110,8 @@ Status EngineJob::push_some(std::span<const Ray> rays) {
     }
     RAYMILL_RETURN_IF_ERROR(make_room(lock));
     ResultWindow& window = *job_->window;
-    const auto count = static_cast<std::uint32_t>(std::min<std::uint64_t>(
-        {rays.size(), window.room(), job_->most_in_flight - job_->in_flight()}));
+    const auto count = static_cast<std::uint32_t>(
+        std::min<std::uint64_t>({rays.size(), window.room(), job_->most_in_flight - job_->in_flight()}));
     const std::uint32_t first_number = window.next_number();
     const bool need_tnears =
         std::any_of(rays.begin(), rays.begin() + count, [](const Ray& ray) { return ray.tnear != 0; });
@@ -188,9 +188,8 @@ Status EngineJob::finish() {
 std::optional<HitChunk> EngineJob::next() {
   std::unique_lock lock(tracer_->mutex_);
   ResultWindow& window = *job_->window;
-  job_->changed.wait(lock, [&] {
-    return !job_->status.ok() || window.deliverable() || (job_->finished && window.drained());
-  });
+  job_->changed.wait(
+      lock, [&] { return !job_->status.ok() || window.deliverable() || (job_->finished && window.drained()); });
   if (!job_->status.ok() || !window.deliverable()) {
     return std::nullopt;
   }

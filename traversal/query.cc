@@ -141,8 +141,9 @@ Result<Field> parse_fields(std::string_view text) {
       field = name == named.name ? named.field : field;
     }
     if (field == Field::none) {
-      return {ErrorCode::invalid_argument,
-              "field '" + std::string(name) + "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids"};
+      return {
+          ErrorCode::invalid_argument,
+          "field '" + std::string(name) + "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids"};
     }
     fields = fields | field;
   }

@@ -64,7 +64,8 @@ class RayPool {
     std::uint32_t next;
     std::uint32_t count;
   };
-  RayPool(std::size_t record_bytes, std::uint32_t chunk_count) : record_bytes_(record_bytes), chunk_count_(chunk_count) {}
+  RayPool(std::size_t record_bytes, std::uint32_t chunk_count)
+      : record_bytes_(record_bytes), chunk_count_(chunk_count) {}
   [[nodiscard]] ChunkHeader& header(std::uint32_t chunk) const {
     return *reinterpret_cast<ChunkHeader*>(arena_.data() + std::size_t(chunk) * kRayChunkBytes);
   }

@@ -61,8 +61,8 @@ class RecordLayout {
   void pack(const RayState& ray, std::byte* record) const {
     const Fixed fixed{ray.org, ray.dir, ray.tfar, ray.number, ray.node};
     std::memcpy(record, &fixed, kFixedBytes - 1);
-    record[kFixedBytes - 1] =
-        static_cast<std::byte>(static_cast<unsigned>(ray.resume) | unsigned(ray.has_hit) << 1 | unsigned(ray.level) << 2);
+    record[kFixedBytes - 1] = static_cast<std::byte>(static_cast<unsigned>(ray.resume) | unsigned(ray.has_hit) << 1 |
+                                                     unsigned(ray.level) << 2);
     std::memcpy(record + kFixedBytes, ray.stack.words.data(), stack_bytes_);
   }
   /// tnear and page are the caller's to set.
@@ -98,11 +98,11 @@ class RecordLayout {
 
 /// The number of a ray: the chunk's slot above, the position in the chunk below.
 struct RowTable {
-  unsigned chunk_shift = 0;                 ///< rays of a chunk: 2^chunk_shift
-  std::size_t row_bytes = 0;                ///< of the layout below
-  HitLayout layout;                         ///< includes the ids wherever a tie could show
-  std::byte* rows = nullptr;                ///< [slots << chunk_shift] rows
-  const float* const* tnears = nullptr;     ///< for each slot: null where all are zero
+  unsigned chunk_shift = 0;              ///< rays of a chunk: 2^chunk_shift
+  std::size_t row_bytes = 0;             ///< of the layout below
+  HitLayout layout;                      ///< includes the ids wherever a tie could show
+  std::byte* rows = nullptr;             ///< [slots << chunk_shift] rows
+  const float* const* tnears = nullptr;  ///< for each slot: null where all are zero
 
   [[nodiscard]] std::byte* row(std::uint32_t number) const { return rows + std::size_t(number) * row_bytes; }
   [[nodiscard]] float tnear(std::uint32_t number) const {

@@ -41,9 +41,7 @@ ResultWindow::~ResultWindow() {
   }
 }
 
-std::uint32_t ResultWindow::room() const {
-  return filling_ == kNoSlot ? 0 : chunk_rays() - slots_[filling_].rays;
-}
+std::uint32_t ResultWindow::room() const { return filling_ == kNoSlot ? 0 : chunk_rays() - slots_[filling_].rays; }
 
 std::optional<std::uint32_t> ResultWindow::find_free() const {
   for (std::uint32_t slot = 0; slot < slots_.size(); ++slot) {
@@ -72,9 +70,7 @@ bool ResultWindow::begin_slot() {
   return true;
 }
 
-std::uint32_t ResultWindow::next_number() const {
-  return (filling_ << config_.chunk_shift) + slots_[filling_].rays;
-}
+std::uint32_t ResultWindow::next_number() const { return (filling_ << config_.chunk_shift) + slots_[filling_].rays; }
 
 void ResultWindow::add(std::uint32_t rays) {
   slots_[filling_].rays += rays;
@@ -129,8 +125,8 @@ Result<ResultWindow::Delivery> ResultWindow::deliver() {
   if (chunk.slot == kNoSlot) {
     std::size_t done = 0;
     while (done < delivery.rows.size()) {
-      const ssize_t n = ::pread(file_, rows + done, delivery.rows.size() - done,
-                                static_cast<off_t>(chunk.file_offset + done));
+      const ssize_t n =
+          ::pread(file_, rows + done, delivery.rows.size() - done, static_cast<off_t>(chunk.file_offset + done));
       if (n == 0 || (n < 0 && errno != EINTR)) {
         return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
                                    std::strerror(n < 0 ? errno : EIO)};
@@ -192,8 +188,8 @@ Result<bool> ResultWindow::spill() {
       const ssize_t n = ::pwrite(file_, rows + done, size - done, static_cast<off_t>(file_end_ + done));
       if (n < 0 && errno != EINTR) {
         return {errno == ENOSPC ? ErrorCode::disk_full : ErrorCode::io,
-                "cannot keep results in a temporary file in " + config_.spill_directory + ": " +
-                    std::strerror(errno) + "; fetch results while pushing, or set TMPDIR to a folder with room"};
+                "cannot keep results in a temporary file in " + config_.spill_directory + ": " + std::strerror(errno) +
+                    "; fetch results while pushing, or set TMPDIR to a folder with room"};
       }
       done += n > 0 ? static_cast<std::size_t>(n) : 0;
     }

@@ -30,10 +30,10 @@ namespace raymill::traversal {
 class ResultWindow {
  public:
   struct Config {
-    HitLayout asked;              ///< what the caller gets
-    HitLayout kept;               ///< what a row holds while its ray is in flight; at least `asked`
+    HitLayout asked;  ///< what the caller gets
+    HitLayout kept;   ///< what a row holds while its ray is in flight; at least `asked`
     unsigned chunk_shift = 0;
-    std::uint32_t slots = 0;      ///< at least kMinSlots
+    std::uint32_t slots = 0;  ///< at least kMinSlots
     std::string spill_directory;
   };
   static constexpr std::uint32_t kMinSlots = 4;

@@ -114,15 +114,15 @@ struct StoreInfo {
   std::uint64_t nodes = 0;
   std::uint64_t pages = 0;
   std::uint64_t geometries = 0;
-  std::uint32_t levels = 0;           ///< depth of the tree
-  std::uint32_t page_bytes = 0;       ///< decoded size limit of a page
+  std::uint32_t levels = 0;      ///< depth of the tree
+  std::uint32_t page_bytes = 0;  ///< decoded size limit of a page
   std::uint64_t store_bytes = 0;
-  std::uint64_t decoded_bytes = 0;    ///< all pages decoded
+  std::uint64_t decoded_bytes = 0;       ///< all pages decoded
   std::uint64_t least_memory_bytes = 0;  ///< least --memory of a process that traces it with this service's threads
   std::string codec;
   std::uint32_t width = 0;
-  std::string positions;              ///< "float32" or "lattice:STEP"
-  std::string metadata_json;          ///< {"geometries":[...],"cameras":[...],"import":{...}}
+  std::string positions;      ///< "float32" or "lattice:STEP"
+  std::string metadata_json;  ///< {"geometries":[...],"cameras":[...],"import":{...}}
 };
 
 class Store {

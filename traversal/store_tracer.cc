@@ -37,8 +37,7 @@ Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const s
   return tracer;
 }
 
-StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config,
-                         storage::Ledger& ledger)
+StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger)
     : file_(std::move(file)),
       config_(config),
       ledger_(ledger),
@@ -95,8 +94,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   const bool ties_show = config.query == Query::closest && setup.config.fields != Field::t;
   window.kept = HitLayout(ties_show ? setup.config.fields | Field::t | Field::ids : setup.config.fields);
   window.spill_directory = config_.spill_directory;
-  const WindowPlan plan =
-      plan_window(plan_.job_bytes, rules.page_count, setup.layout.bytes(), window.kept.row_bytes());
+  const WindowPlan plan = plan_window(plan_.job_bytes, rules.page_count, setup.layout.bytes(), window.kept.row_bytes());
   window.chunk_shift = plan.chunk_shift;
   window.slots = plan.slots;
   setup.most_in_flight = plan.most_in_flight;
@@ -106,8 +104,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
     return {ErrorCode::busy_retry, file_->path() + ": " + std::to_string(jobs_.size()) +
                                        " jobs are running, as many as there is ray memory for; try again later"};
   }
-  RAYMILL_ASSIGN_OR_RETURN(setup.queues_claim,
-                           ledger_.claim(storage::Tag::rays, setup.page_count * sizeof(RayQueue)));
+  RAYMILL_ASSIGN_OR_RETURN(setup.queues_claim, ledger_.claim(storage::Tag::rays, setup.page_count * sizeof(RayQueue)));
   RAYMILL_ASSIGN_OR_RETURN(setup.pool, RayPool::create(setup.layout.bytes(), plan.pool_chunks, ledger_));
   RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(window, ledger_));
   auto job = std::make_shared<TraceJob>(std::move(setup));
@@ -116,9 +113,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
 }
 
 PageState StoreTracer::state_of(storage::PageId page) const {
-  return cache_->resident(page) ? PageState::resident
-         : cache_->absent(page) ? PageState::absent
-                                : PageState::reading;
+  return cache_->resident(page) ? PageState::resident : cache_->absent(page) ? PageState::absent : PageState::reading;
 }
 
 void StoreTracer::work(unsigned index) {
@@ -260,8 +255,9 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   job->stats.nodes_visited += context.counters.nodes_visited;
   job->stats.triangles_tested += context.counters.triangles_tested;
   if (context.corrupt && job->status.ok()) {
-    job->status = {ErrorCode::corrupt, file_->path() + ": has pages whose references do not fit each other; build it "
-                                                       "again (`raymill verify` names the page)"};
+    job->status = {ErrorCode::corrupt, file_->path() +
+                                           ": has pages whose references do not fit each other; build it "
+                                           "again (`raymill verify` names the page)"};
   }
   if (job->status.ok()) {
     settle(worker, *job);

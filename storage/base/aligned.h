@@ -17,10 +17,8 @@ struct AlignedAllocator {
   struct rebind {
     using other = AlignedAllocator<U, Alignment>;
   };
-  T* allocate(std::size_t n) {
-    return static_cast<T*>(::operator new(n * sizeof(T), std::align_val_t{Alignment}));
-  }
-  void deallocate(T* p, std::size_t /*n*/) { ::operator delete(p, std::align_val_t{Alignment}); }
+  T* allocate(std::size_t n) { return static_cast<T*>(::operator new (n * sizeof(T), std::align_val_t{Alignment})); }
+  void deallocate(T* p, std::size_t /*n*/) { ::operator delete (p, std::align_val_t{Alignment}); }
   bool operator==(const AlignedAllocator&) const = default;
 };
 

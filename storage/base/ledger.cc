@@ -11,16 +11,26 @@ namespace raymill::storage {
 
 std::string_view to_string(Tag tag) {
   switch (tag) {
-    case Tag::base: return "base";
-    case Tag::directory: return "directory";
-    case Tag::pages: return "pages";
-    case Tag::decode: return "decode";
-    case Tag::io: return "io";
-    case Tag::rays: return "rays";
-    case Tag::results: return "results";
-    case Tag::build: return "build";
-    case Tag::transport: return "transport";
-    case Tag::count: break;
+    case Tag::base:
+      return "base";
+    case Tag::directory:
+      return "directory";
+    case Tag::pages:
+      return "pages";
+    case Tag::decode:
+      return "decode";
+    case Tag::io:
+      return "io";
+    case Tag::rays:
+      return "rays";
+    case Tag::results:
+      return "results";
+    case Tag::build:
+      return "build";
+    case Tag::transport:
+      return "transport";
+    case Tag::count:
+      break;
   }
   return "unknown";
 }

@@ -98,20 +98,20 @@ class [[nodiscard]] Result {
 }  // namespace raymill
 
 // Leaves the enclosing function with the Status of `expression` unless that is ok.
-#define RAYMILL_RETURN_IF_ERROR(expression)                          \
-  do {                                                               \
-    if (auto raymill_status = (expression); !raymill_status.ok()) {  \
-      return raymill_status;                                         \
-    }                                                                \
+#define RAYMILL_RETURN_IF_ERROR(expression)                         \
+  do {                                                              \
+    if (auto raymill_status = (expression); !raymill_status.ok()) { \
+      return raymill_status;                                        \
+    }                                                               \
   } while (false)
 
 #define RAYMILL_CONCAT_INNER(a, b) a##b
 #define RAYMILL_CONCAT(a, b) RAYMILL_CONCAT_INNER(a, b)
 
 // Declares `lhs` from the value of a Result, or leaves the enclosing function with its Status.
-#define RAYMILL_ASSIGN_OR_RETURN(lhs, expression)                             \
-  auto RAYMILL_CONCAT(raymill_result_, __LINE__) = (expression);              \
-  if (!RAYMILL_CONCAT(raymill_result_, __LINE__).ok()) {                      \
-    return RAYMILL_CONCAT(raymill_result_, __LINE__).status();                \
-  }                                                                           \
+#define RAYMILL_ASSIGN_OR_RETURN(lhs, expression)                \
+  auto RAYMILL_CONCAT(raymill_result_, __LINE__) = (expression); \
+  if (!RAYMILL_CONCAT(raymill_result_, __LINE__).ok()) {         \
+    return RAYMILL_CONCAT(raymill_result_, __LINE__).status();   \
+  }                                                              \
   lhs = std::move(RAYMILL_CONCAT(raymill_result_, __LINE__)).value()

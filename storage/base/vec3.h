@@ -17,8 +17,12 @@ struct Vec3f {
 };
 static_assert(sizeof(Vec3f) == 12);
 
-inline Vec3f min(const Vec3f& a, const Vec3f& b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)}; }
-inline Vec3f max(const Vec3f& a, const Vec3f& b) { return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)}; }
+inline Vec3f min(const Vec3f& a, const Vec3f& b) {
+  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
+}
+inline Vec3f max(const Vec3f& a, const Vec3f& b) {
+  return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
+}
 
 /// Axis-aligned box; the default is empty (lower > upper) and is the neutral element of grow().
 struct Aabb {

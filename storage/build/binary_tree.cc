@@ -173,10 +173,13 @@ Result<BinaryTree> build_binary_tree(std::vector<Triangle>& triangles, unsigned 
     collect_runs(top, runs);
     std::vector<std::vector<BinaryNode>> run_nodes(runs.size());
     std::vector<Status> statuses(runs.size());
-    tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t i) {
-      statuses[i] = build_run(device, std::span(triangles).subspan(runs[i]->first, runs[i]->count),
-                              static_cast<std::uint32_t>(runs[i]->first), run_nodes[i]);
-    }, tbb::simple_partitioner());
+    tbb::parallel_for(
+        std::size_t{0}, runs.size(),
+        [&](std::size_t i) {
+          statuses[i] = build_run(device, std::span(triangles).subspan(runs[i]->first, runs[i]->count),
+                                  static_cast<std::uint32_t>(runs[i]->first), run_nodes[i]);
+        },
+        tbb::simple_partitioner());
     for (const Status& run_status : statuses) {
       if (!run_status.ok()) {
         status = run_status;

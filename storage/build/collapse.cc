@@ -102,7 +102,8 @@ class Collapser {
     while (pieces.size() < tree_.width) {
       std::size_t best = pieces.size();
       for (std::size_t i = 0; i < pieces.size(); ++i) {
-        if (can_open(pieces[i]) && (best == pieces.size() || pieces[i].box.half_area() > pieces[best].box.half_area())) {
+        if (can_open(pieces[i]) &&
+            (best == pieces.size() || pieces[i].box.half_area() > pieces[best].box.half_area())) {
           best = i;
         }
       }
@@ -135,8 +136,8 @@ class Collapser {
 
   void place_children(std::uint32_t index, const Pending& pending, std::vector<Pending>& stack) {
     const unsigned levels_left = level_limit_ - pending.level;  // this node's level included
-    const bool balanced = pending.piece.binary == Piece::kBalanced ||
-                          balanced_levels(pending.piece.count, tree_.width) >= levels_left;
+    const bool balanced =
+        pending.piece.binary == Piece::kBalanced || balanced_levels(pending.piece.count, tree_.width) >= levels_left;
     const std::vector<Piece> pieces =
         balanced ? split_balanced(pending.piece, levels_left - 1) : open_largest(pending.piece);
 

@@ -97,8 +97,8 @@ std::vector<RTCBuildPrimitive> build_primitives(std::span<const Triangle> triang
   std::vector<RTCBuildPrimitive> primitives(triangles.size());
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     const Aabb box = bounds(triangles[i]);
-    primitives[i] = {box.lower.x, box.lower.y, box.lower.z, 0, box.upper.x, box.upper.y, box.upper.z,
-                     static_cast<unsigned>(i)};
+    primitives[i] = {box.lower.x, box.lower.y, box.lower.z, 0,
+                     box.upper.x, box.upper.y, box.upper.z, static_cast<unsigned>(i)};
   }
   return primitives;
 }
@@ -156,8 +156,8 @@ Status build_run(const EmbreeDevice& device, std::span<Triangle> triangles, std:
   if (root == nullptr) {
     const RTCError error = rtcGetDeviceError(device.get());
     rtcReleaseBVH(bvh);
-    return {ErrorCode::internal, "Embree could not build " + std::to_string(triangles.size()) +
-                                     " triangles (error " + std::to_string(error) + ")"};
+    return {ErrorCode::internal, "Embree could not build " + std::to_string(triangles.size()) + " triangles (error " +
+                                     std::to_string(error) + ")"};
   }
   std::vector<std::uint32_t> order;
   order.reserve(triangles.size());

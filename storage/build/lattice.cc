@@ -37,9 +37,7 @@ int step_exponent_of(const PositionsRequest& request, const std::vector<Triangle
   return std::ldexp(1.0, exponent + static_cast<int>(request.bits)) < extent ? exponent + 1 : exponent;
 }
 
-bool degenerate(const Triangle& t) {
-  return t.v[0] == t.v[1] || t.v[1] == t.v[2] || t.v[2] == t.v[0];
-}
+bool degenerate(const Triangle& t) { return t.v[0] == t.v[1] || t.v[1] == t.v[2] || t.v[2] == t.v[0]; }
 
 }  // namespace
 
@@ -82,9 +80,9 @@ Result<LatticeResult> snap_to_lattice(const PositionsRequest& request, std::vect
       for (int axis = 0; axis < 3; ++axis) {
         const double steps = std::nearbyint(corner[axis] / step);
         if (std::abs(steps) > kMost) {
-          return {ErrorCode::invalid_argument,
-                  "a lattice step of " + std::to_string(step) + " puts the coordinate " +
-                      std::to_string(corner[axis]) + " more than 2^31 steps from zero; use a larger step"};
+          return {ErrorCode::invalid_argument, "a lattice step of " + std::to_string(step) + " puts the coordinate " +
+                                                   std::to_string(corner[axis]) +
+                                                   " more than 2^31 steps from zero; use a larger step"};
         }
         // Exact: where float32 is coarser than the step, the coordinate was a multiple already. Zero has no sign.
         const auto snapped = static_cast<float>(steps * step + 0.0);

@@ -26,7 +26,7 @@ Result<PositionsRequest> parse_positions(const std::string& text);
 
 struct LatticeResult {
   std::int32_t step_exponent = 0;
-  double max_displacement = 0;          ///< of a vertex, scene units
+  double max_displacement = 0;           ///< of a vertex, scene units
   std::uint64_t dropped_degenerate = 0;  ///< triangles that the lattice made degenerate; they are taken out
 };
 

@@ -25,7 +25,8 @@ Result<std::unique_ptr<PageCache>> PageCache::create(const Config& config, Ledge
   std::unique_ptr<PageCache> cache(new PageCache(config));
   cache->arena_ = MappedMemory(frame_bytes);
   if (cache->arena_.data() == nullptr) {
-    return {ErrorCode::budget_exceeded, "the system has no address space for " + format_bytes(frame_bytes) + " of pages"};
+    return {ErrorCode::budget_exceeded,
+            "the system has no address space for " + format_bytes(frame_bytes) + " of pages"};
   }
   cache->frames_claim_ = std::move(frames);
   cache->tables_claim_ = std::move(tables);
@@ -95,7 +96,8 @@ bool PageCache::has_free_frame() {
 std::optional<FrameLease> PageCache::begin_read(PageId page, std::span<const std::uint32_t> demand) {
   assert(states_[index_of(page)] == State::absent);
   // Frames rest until the pins of the moment are gone; a few rest at once, so that reads keep coming.
-  const std::size_t most_resting = std::min<std::size_t>(kMostResting, std::max<std::uint32_t>(1, config_.frame_count / 4));
+  const std::size_t most_resting =
+      std::min<std::size_t>(kMostResting, std::max<std::uint32_t>(1, config_.frame_count / 4));
   if (!has_free_frame() && resting_.size() < most_resting) {
     const auto victim = eviction_.choose(page_in_frame_, demand, touched_.get());
     if (victim) {

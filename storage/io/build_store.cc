@@ -48,8 +48,8 @@ Result<Plan> check(const BuildConfig& config) {
     return {ErrorCode::invalid_argument, "--width " + std::to_string(config.width) + " is neither 4 nor 8"};
   }
   if (config.page_bytes < kMinPageBytes || config.page_bytes > kMaxPageBytes) {
-    return {ErrorCode::invalid_argument, "--page-size " + std::to_string(config.page_bytes) +
-                                             " is outside 16 KiB (16384) to 1 MiB (1048576)"};
+    return {ErrorCode::invalid_argument,
+            "--page-size " + std::to_string(config.page_bytes) + " is outside 16 KiB (16384) to 1 MiB (1048576)"};
   }
   Plan plan;
   const auto codec = parse_codec(config.codec);
@@ -85,7 +85,8 @@ class Builder {
     if (triangles.empty()) {
       return {ErrorCode::bad_scene, config_.scenes.front() +
                                         ": holds no triangle that can be hit, so there is nothing to build; see the "
-                                        "import report for what was dropped (" + report_.import_json + ")"};
+                                        "import report for what was dropped (" +
+                                        report_.import_json + ")"};
     }
     RAYMILL_ASSIGN_OR_RETURN(const WideTree tree, build_tree(std::move(triangles)));
     RAYMILL_RETURN_IF_ERROR(write(tree));

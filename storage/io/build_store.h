@@ -13,15 +13,15 @@
 namespace raymill {
 
 struct BuildConfig {
-  std::vector<std::string> scenes;        ///< .gltf or .glb files; geometry ids number on from file to file
-  std::string output;                     ///< NAME.mill; written to a temporary name beside it and renamed when whole
-  std::uint64_t memory = gibibytes(2);    ///< limit of the whole process
+  std::vector<std::string> scenes;      ///< .gltf or .glb files; geometry ids number on from file to file
+  std::string output;                   ///< NAME.mill; written to a temporary name beside it and renamed when whole
+  std::uint64_t memory = gibibytes(2);  ///< limit of the whole process
   std::optional<std::uint32_t> scene_index;
-  std::string positions = "float32";      ///< "float32", "lattice:STEP" (rounded down to a power of two) or "lattice:BITSb"
-  std::string codec = "zstd";             ///< raw, lz4, zstd, draco (draco needs a lattice)
-  unsigned width = 8;                     ///< children of a node: 4 or 8
-  std::uint32_t page_bytes = 64 << 10;    ///< decoded size limit of a page, 16 KiB to 1 MiB
-  unsigned threads = 0;                   ///< 0: one for each core; the bytes of the store do not depend on it
+  std::string positions = "float32";  ///< "float32", "lattice:STEP" (rounded down to a power of two) or "lattice:BITSb"
+  std::string codec = "zstd";         ///< raw, lz4, zstd, draco (draco needs a lattice)
+  unsigned width = 8;                 ///< children of a node: 4 or 8
+  std::uint32_t page_bytes = 64 << 10;  ///< decoded size limit of a page, 16 KiB to 1 MiB
+  unsigned threads = 0;                 ///< 0: one for each core; the bytes of the store do not depend on it
   /// Called now and then from the building thread with a phase ("import", "build", "write") and a fraction in [0,1];
   /// returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress;

@@ -1,8 +1,7 @@
 // verify() and inspect_page(): tools that look into a store and never write.
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <array>
+#include <nlohmann/json.hpp>
 
 #include "storage/base/aligned.h"
 #include "storage/io/build_store.h"
@@ -67,7 +66,7 @@ nlohmann::ordered_json nodes_json(const PageView& view) {
 
 nlohmann::ordered_json page_json(const PageView& view) {
   const PageHeader& header = view.header();
-  nlohmann::ordered_json json{{"nodes", header.node_count},       {"ghosts", header.ghost_count},
+  nlohmann::ordered_json json{{"nodes", header.node_count},         {"ghosts", header.ghost_count},
                               {"externals", header.external_count}, {"triangles", header.triangle_count},
                               {"vertices", header.vertex_count},    {"geometries", header.geometry_count}};
   json["tree"] = header.width == 8 ? nodes_json<8>(view) : nodes_json<4>(view);

@@ -81,8 +81,7 @@ Status StoreFile::load(Ledger& ledger) {
   if (const Status status = check(header_); !status.ok()) {
     return fault({status.code(), status.message()});
   }
-  RAYMILL_RETURN_IF_ERROR(
-      read_exactly(file_bytes - sizeof footer_, std::as_writable_bytes(std::span(&footer_, 1))));
+  RAYMILL_RETURN_IF_ERROR(read_exactly(file_bytes - sizeof footer_, std::as_writable_bytes(std::span(&footer_, 1))));
   if (const Status status = check(footer_, header_, file_bytes); !status.ok()) {
     return fault(status);
   }
@@ -132,9 +131,7 @@ std::string StoreFile::positions_text() const {
   return text;
 }
 
-std::uint64_t StoreFile::read_buffer_bytes() const {
-  return round_up(footer_.max_encoded_bytes) + kDirectBlockBytes;
-}
+std::uint64_t StoreFile::read_buffer_bytes() const { return round_up(footer_.max_encoded_bytes) + kDirectBlockBytes; }
 
 Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<std::byte> buffer) const {
   const PageEntry& entry = directory_[index_of(page)];
@@ -150,12 +147,12 @@ Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<s
     ::posix_fadvise(descriptor_, static_cast<off_t>(begin), static_cast<off_t>(size), POSIX_FADV_DONTNEED);
   }
   if (n < 0) {
-    return {ErrorCode::io, path_ + ": cannot read page " + std::to_string(index_of(page)) + ": " +
-                               std::strerror(errno)};
+    return {ErrorCode::io,
+            path_ + ": cannot read page " + std::to_string(index_of(page)) + ": " + std::strerror(errno)};
   }
   if (static_cast<std::uint64_t>(n) < skipped + entry.encoded_bytes) {
-    return {ErrorCode::io, path_ + ": ends inside page " + std::to_string(index_of(page)) +
-                               "; it was cut short while open"};
+    return {ErrorCode::io,
+            path_ + ": ends inside page " + std::to_string(index_of(page)) + "; it was cut short while open"};
   }
   return std::span<const std::byte>(buffer).subspan(skipped, entry.encoded_bytes);
 }

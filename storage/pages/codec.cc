@@ -88,10 +88,14 @@ std::uint64_t streams_limit(std::uint32_t page_bytes) { return 2 * std::uint64_t
 
 std::string_view to_string(Codec codec) {
   switch (codec) {
-    case Codec::raw: return "raw";
-    case Codec::lz4: return "lz4";
-    case Codec::zstd: return "zstd";
-    case Codec::draco: return "draco";
+    case Codec::raw:
+      return "raw";
+    case Codec::lz4:
+      return "lz4";
+    case Codec::zstd:
+      return "zstd";
+    case Codec::draco:
+      return "draco";
   }
   return "unknown";
 }
@@ -178,10 +182,13 @@ std::uint64_t PageDecoder::scratch_bytes(std::uint32_t page_bytes, Codec store_c
   // face lists were measured at five times the page.
   constexpr std::uint64_t kContextBytes = 192 << 10;
   switch (store_codec) {
-    case Codec::raw: return 4096;
+    case Codec::raw:
+      return 4096;
     case Codec::lz4:
-    case Codec::zstd: return kContextBytes + streams_limit(page_bytes) + page_bytes / 2;
-    case Codec::draco: return kContextBytes + streams_limit(page_bytes) + 8 * std::uint64_t(page_bytes);
+    case Codec::zstd:
+      return kContextBytes + streams_limit(page_bytes) + page_bytes / 2;
+    case Codec::draco:
+      return kContextBytes + streams_limit(page_bytes) + 8 * std::uint64_t(page_bytes);
   }
   return 0;
 }

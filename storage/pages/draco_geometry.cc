@@ -120,8 +120,8 @@ Face reorder(const Face& face, unsigned order) {
 
 // What is stored beside the mesh.
 struct FaceMap {
-  std::vector<std::uint16_t> triangle;  // of each decoded face; kLost: a face that the page does not have
-  std::vector<std::uint8_t> order;      // page triangle = reorder(decoded face, order)
+  std::vector<std::uint16_t> triangle;   // of each decoded face; kLost: a face that the page does not have
+  std::vector<std::uint8_t> order;       // page triangle = reorder(decoded face, order)
   std::vector<std::uint16_t> left_over;  // triangles that no decoded face gives
   static constexpr std::uint16_t kLost = 0xFFFF;
 };
@@ -208,8 +208,7 @@ std::optional<std::vector<std::byte>> encode_draco(const PageView& view, const P
   return mesh;
 }
 
-Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const PositionKind& kind,
-                    std::byte* image) {
+Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const PositionKind& kind, std::byte* image) {
   const PageHeader& header = PageView(image).header();
   std::array<std::uint32_t, 2> counts{};
   streams.get(std::span<std::uint32_t>(counts));

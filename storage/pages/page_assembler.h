@@ -13,9 +13,6 @@
 
 namespace raymill::storage {
 
-
-
-
 /// What each thing costs in the decoded page, for plan_pages.
 PageCost page_cost(unsigned width, std::uint32_t page_bytes);
 

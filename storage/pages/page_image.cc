@@ -145,9 +145,8 @@ Status check_arrays(const PageView& view, const PageRules& rules) {
   }
   for (std::uint32_t i = 0; header.geometry_index_bytes != 0 && i < header.triangle_count; ++i) {
     const auto* indices = image + header.geometry_indices_offset;
-    const std::uint32_t index = header.geometry_index_bytes == 1
-                                    ? reinterpret_cast<const std::uint8_t*>(indices)[i]
-                                    : reinterpret_cast<const std::uint16_t*>(indices)[i];
+    const std::uint32_t index = header.geometry_index_bytes == 1 ? reinterpret_cast<const std::uint8_t*>(indices)[i]
+                                                                 : reinterpret_cast<const std::uint16_t*>(indices)[i];
     if (index >= header.geometry_count) {
       return bad("has a triangle of a geometry past its table");
     }
@@ -165,8 +164,7 @@ void lay_out(PageHeader& header) {
     field = align(offset);
     offset = std::uint64_t(field) + bytes;
   };
-  place(header.nodes_offset,
-        (std::uint64_t(header.node_count) + header.ghost_count) * node_bytes(header.width));
+  place(header.nodes_offset, (std::uint64_t(header.node_count) + header.ghost_count) * node_bytes(header.width));
   place(header.externals_offset, std::uint64_t(header.external_count) * sizeof(ExternalRef));
   place(header.vertices_offset, std::uint64_t(header.vertex_count) * sizeof(Vec3f));
   place(header.indices_offset, std::uint64_t(header.triangle_count) * 3 * sizeof(std::uint16_t));

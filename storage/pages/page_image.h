@@ -112,9 +112,12 @@ class PageView {
   [[nodiscard]] std::uint32_t geometry_id(std::uint32_t triangle) const {
     const auto* table = at<std::uint32_t>(header().geometries_offset);
     switch (header().geometry_index_bytes) {
-      case 0: return table[0];
-      case 1: return table[at<std::uint8_t>(header().geometry_indices_offset)[triangle]];
-      default: return table[at<std::uint16_t>(header().geometry_indices_offset)[triangle]];
+      case 0:
+        return table[0];
+      case 1:
+        return table[at<std::uint8_t>(header().geometry_indices_offset)[triangle]];
+      default:
+        return table[at<std::uint16_t>(header().geometry_indices_offset)[triangle]];
     }
   }
 

@@ -64,8 +64,8 @@ void for_each_byte_column(Field&& field) {
   for (int slot = 0; slot < N; ++slot) {
     field([slot](auto& node) -> auto& { return node.count[slot]; });
     for (int axis = 0; axis < 3; ++axis) {
-      field([axis, slot](auto& node) -> auto& { return node.lower[axis][slot]; });
-      field([axis, slot](auto& node) -> auto& { return node.upper[axis][slot]; });
+      field([ axis, slot ](auto& node) -> auto& { return node.lower[axis][slot]; });
+      field([ axis, slot ](auto& node) -> auto& { return node.upper[axis][slot]; });
     }
   }
 }
@@ -280,7 +280,8 @@ void read_geometry(PlaneReader& in, const PositionKind& kind, std::byte* image) 
       vertices[i][axis] = coordinate_value(codes[i], kind);
     }
   }
-  const std::span indices(array_at<std::uint16_t>(image, header.indices_offset), std::size_t(header.triangle_count) * 3);
+  const std::span indices(array_at<std::uint16_t>(image, header.indices_offset),
+                          std::size_t(header.triangle_count) * 3);
   in.get(indices);
   std::uint16_t next_new = 0;
   for (std::uint16_t& index : indices) {

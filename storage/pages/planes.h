@@ -11,9 +11,7 @@
 namespace raymill::storage {
 
 /// Small magnitudes to small codes: 0, -1, 1, -2, ... become 0, 1, 2, 3, ...
-constexpr std::uint32_t zigzag(std::uint32_t difference) {
-  return difference << 1 ^ (0U - (difference >> 31));
-}
+constexpr std::uint32_t zigzag(std::uint32_t difference) { return difference << 1 ^ (0U - (difference >> 31)); }
 constexpr std::uint32_t unzigzag(std::uint32_t code) { return code >> 1 ^ (0U - (code & 1)); }
 constexpr std::uint16_t zigzag16(std::uint16_t difference) {
   return static_cast<std::uint16_t>(difference << 1 ^ (0U - (difference >> 15)));

@@ -22,7 +22,8 @@ void seal(StoreFooter& footer) { footer.checksum = checksum_before(footer, offse
 
 Status check(const StoreHeader& header) {
   if (header.magic != kHeaderMagic) {
-    return {ErrorCode::corrupt, "is not a Raymill store (its first bytes are not RAYMILL); build one with `raymill build`"};
+    return {ErrorCode::corrupt,
+            "is not a Raymill store (its first bytes are not RAYMILL); build one with `raymill build`"};
   }
   if (header.format_version != kFormatVersion) {
     return {ErrorCode::version_mismatch, "has format version " + std::to_string(header.format_version) +
@@ -38,8 +39,8 @@ Status check(const StoreHeader& header) {
   }
   if ((header.width != 4 && header.width != 8) || header.page_bytes < kMinPageBytes ||
       header.page_bytes > kMaxPageBytes || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
-      header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 ||
-      header.lattice_step_exponent < -200 || header.lattice_step_exponent > 200) {
+      header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 || header.lattice_step_exponent < -200 ||
+      header.lattice_step_exponent > 200) {
     return {ErrorCode::corrupt, "has a header with impossible values; rebuild it"};
   }
   return {};
@@ -53,12 +54,12 @@ Status check(const StoreFooter& footer, const StoreHeader& header, std::uint64_t
     return {ErrorCode::checksum_mismatch, "has a damaged footer; restore or rebuild it"};
   }
   const std::uint64_t directory_bytes = footer.page_count * sizeof(PageEntry);
-  const bool sections_meet =
-      footer.page_count > 0 && footer.page_count < 0xFFFFFFFFu && footer.metadata_offset <= file_bytes &&
-      footer.metadata_bytes <= file_bytes - footer.metadata_offset &&
-      footer.directory_offset == footer.metadata_offset + footer.metadata_bytes &&
-      directory_bytes <= file_bytes - footer.directory_offset &&
-      footer.directory_offset + directory_bytes + sizeof(StoreFooter) == file_bytes;
+  const bool sections_meet = footer.page_count > 0 && footer.page_count < 0xFFFFFFFFu &&
+                             footer.metadata_offset <= file_bytes &&
+                             footer.metadata_bytes <= file_bytes - footer.metadata_offset &&
+                             footer.directory_offset == footer.metadata_offset + footer.metadata_bytes &&
+                             directory_bytes <= file_bytes - footer.directory_offset &&
+                             footer.directory_offset + directory_bytes + sizeof(StoreFooter) == file_bytes;
   bool finite = true;
   for (int axis = 0; axis < 3; ++axis) {
     finite = finite && std::isfinite(footer.bounds_min[axis]) && std::isfinite(footer.bounds_max[axis]);

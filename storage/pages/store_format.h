@@ -20,9 +20,9 @@ constexpr std::uint32_t kFormatVersion = 1;
 
 /// What occurs in the scene; a reader refuses a store with a feature that it does not know.
 enum class Feature : std::uint64_t {
-  triangles = 1,       ///< always set
-  geometry_ids = 2,    ///< more than one geometry: hits tell them apart
-  lattice = 4,         ///< positions are multiples of the header's step
+  triangles = 1,     ///< always set
+  geometry_ids = 2,  ///< more than one geometry: hits tell them apart
+  lattice = 4,       ///< positions are multiples of the header's step
 };
 constexpr std::uint64_t kKnownFeatures = 7;
 
@@ -33,12 +33,12 @@ struct StoreHeader {
   std::uint64_t features = 0;
   std::uint32_t page_bytes = 0;  ///< decoded size limit
   std::uint8_t width = 0;
-  std::uint8_t codec = 0;        ///< that the builder asked for; a page's own header decides
+  std::uint8_t codec = 0;  ///< that the builder asked for; a page's own header decides
   std::uint8_t lattice = 0;
   std::uint8_t reserved = 0;
   std::int32_t lattice_step_exponent = 0;
   std::array<std::uint8_t, 20> unused{};
-  std::uint64_t checksum = 0;    ///< of the bytes before it
+  std::uint64_t checksum = 0;  ///< of the bytes before it
 };
 static_assert(sizeof(StoreHeader) == 64 && std::is_trivially_copyable_v<StoreHeader>);
 
@@ -54,7 +54,7 @@ static_assert(sizeof(PageEntry) == 24 && std::is_trivially_copyable_v<PageEntry>
 struct StoreFooter {
   std::uint64_t header_checksum = 0;  ///< of the header this footer belongs to
   std::uint64_t metadata_offset = 0;
-  std::uint64_t metadata_bytes = 0;        ///< one zstd frame over JSON
+  std::uint64_t metadata_bytes = 0;  ///< one zstd frame over JSON
   std::uint64_t metadata_plain_bytes = 0;
   std::uint64_t metadata_checksum = 0;
   std::uint64_t directory_offset = 0;
@@ -63,9 +63,9 @@ struct StoreFooter {
   std::uint64_t triangle_count = 0;
   std::uint64_t node_count = 0;
   std::uint64_t geometry_count = 0;
-  std::uint64_t decoded_bytes = 0;     ///< of all pages
-  std::uint32_t max_encoded_bytes = 0; ///< of a page
-  std::uint32_t levels = 0;            ///< of the tree
+  std::uint64_t decoded_bytes = 0;      ///< of all pages
+  std::uint32_t max_encoded_bytes = 0;  ///< of a page
+  std::uint32_t levels = 0;             ///< of the tree
   std::uint32_t root_page = 0;
   std::uint32_t root_node = 0;
   std::array<float, 3> bounds_min{};

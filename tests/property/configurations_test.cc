@@ -107,11 +107,7 @@ TEST_P(Configurations, GiveTheSameHits) {
     c.setup.trace.mode = mode;
     c.setup.trace.fields = i == 0 ? Field::all : c.setup.trace.fields;
     const std::string path = build_store(folder, "scene" + std::to_string(i) + ".mill", scene, c.build);
-    if (c.least) {
-      // This process grows a little from trace to trace.
-      c.setup.engine.memory = least_memory(path, c.setup.engine) + mebibytes(1);
-    }
-    Traced traced = trace(path, rays, c.setup);
+    Traced traced = c.least ? trace_with_least_memory(path, rays, c.setup) : trace(path, rays, c.setup);
     ASSERT_TRUE(traced.status.ok()) << traced.status.message() << "\n" << c.text();
     ASSERT_EQ(traced.hits.size(), rays.size());
     if (i == 0) {
@@ -129,10 +125,7 @@ TEST_P(Configurations, GiveTheSameHits) {
       }
     }
     c.setup.trace.query = Query::any;
-    if (c.least) {
-      c.setup.engine.memory = least_memory(path, c.setup.engine) + mebibytes(1);
-    }
-    const Traced any = trace(path, rays, c.setup);
+    const Traced any = c.least ? trace_with_least_memory(path, rays, c.setup) : trace(path, rays, c.setup);
     ASSERT_EQ(any.hits.size(), rays.size()) << any.status.message();
     for (std::size_t k = 0; k < rays.size(); ++k) {
       ASSERT_EQ(any.hits[k].t == 0, first[k].primitive_id != kNoId) << text_of(rays[k]) << " by " << c.text();

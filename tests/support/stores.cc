@@ -53,7 +53,7 @@ Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetu
   return run_job(**job, rays, setup.push_rays);
 }
 
-std::uint64_t least_memory(const std::string& path, EngineConfig config) {
+void set_least_memory(const std::string& path, EngineConfig& config) {
   config.memory = gibibytes(64);
   std::uint64_t least = 0;
   if (auto engine = Engine::create(config); engine) {
@@ -63,15 +63,25 @@ std::uint64_t least_memory(const std::string& path, EngineConfig config) {
       }
     }
   }
-  EXPECT_GT(least, 0u);
-  // The process may have grown a little since.
-  for (config.memory = least; config.memory < least + mebibytes(64); config.memory += mebibytes(1)) {
+  EXPECT_GT(least, mebibytes(2));
+  // What info() says is rounded up; and the process may have grown a little since.
+  for (config.memory = least - mebibytes(2); config.memory < least + mebibytes(64); config.memory += kibibytes(64)) {
     if (auto engine = Engine::create(config); engine && (*engine)->open(path)) {
-      return config.memory;
+      return;
     }
   }
   ADD_FAILURE() << "no engine opens " << path << " with what it says it needs";
-  return least;
+}
+
+Traced trace_with_least_memory(const std::string& path, std::span<const Ray> rays, TraceSetup setup) {
+  set_least_memory(path, setup.engine);
+  const std::uint64_t least = setup.engine.memory;
+  Traced traced;
+  do {
+    traced = trace(path, rays, setup);
+    setup.engine.memory += kibibytes(64);
+  } while (traced.status.code() == ErrorCode::budget_exceeded && setup.engine.memory < least + mebibytes(64));
+  return traced;
 }
 
 void flip(const std::string& path, std::uint64_t offset, unsigned char bits) {

@@ -47,8 +47,10 @@ Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetu
 /// Pushes, finishes and fetches on a job.
 Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays = 0);
 
-/// Least memory (in steps of 1 MiB) under which an engine of this process opens the store.
-std::uint64_t least_memory(const std::string& path, EngineConfig config);
+/// The same with the least memory that an engine of this process gets along with, found in small steps.
+Traced trace_with_least_memory(const std::string& path, std::span<const Ray> rays, TraceSetup setup);
+/// Sets setup.memory to the least, to within 64 KiB, under which this process opens the store now.
+void set_least_memory(const std::string& path, EngineConfig& config);
 
 /// Flips bits of one byte of a file.
 void flip(const std::string& path, std::uint64_t offset, unsigned char bits = 1);

@@ -1,7 +1,7 @@
 // The kernels for avx2; see kernel-inl.h.
 #define RAYMILL_ISA avx2
-#include "traversal/simd/avx2.h"
 #include "traversal/kernels/kernel-inl.h"
+#include "traversal/simd/avx2.h"
 
 namespace raymill::traversal::avx2 {
 

@@ -1,7 +1,7 @@
 // The kernels for scalar; see kernel-inl.h.
 #define RAYMILL_ISA scalar
-#include "traversal/simd/scalar.h"
 #include "traversal/kernels/kernel-inl.h"
+#include "traversal/simd/scalar.h"
 
 namespace raymill::traversal::scalar {
 

@@ -49,7 +49,7 @@ inline RayFrame make_frame(const std::array<float, 3>& org, const std::array<flo
 
 /// Up to eight triangles: corner k of triangle i is vertices[index[k][i]].
 struct LeafBlock {
-  const float* vertices;  // xyz after xyz
+  const float* vertices;                             // xyz after xyz
   std::array<std::array<std::int32_t, 8>, 3> index;  // of the corner's x in `vertices`
 };
 
@@ -94,8 +94,8 @@ inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf) {
   const Float8 v = ax * cy - ay * cx;
   const Float8 w = bx * ay - by * ax;
   const Float8 z = max_keep(max_keep(abs(az), abs(bz)), abs(cz));
-  const Float8 l = max_keep(max_keep(max_keep(abs(ax), abs(ay)), max_keep(abs(bx), abs(by))),
-                            max_keep(abs(cx), abs(cy)));
+  const Float8 l =
+      max_keep(max_keep(max_keep(abs(ax), abs(ay)), max_keep(abs(bx), abs(by))), max_keep(abs(cx), abs(cy)));
   const Float8 bound = Float8::broadcast(0x1p-18F) * l * (l + z) + Float8::broadcast(0x1p-120F);
   const Float8 low = min_keep(min_keep(u, v), w);
   const Float8 high = max_keep(max_keep(u, v), w);

@@ -53,7 +53,7 @@ struct Floats {
   }
 RAYMILL_LANEWISE(operator+, a + b)
 RAYMILL_LANEWISE(operator-, a - b)
-RAYMILL_LANEWISE(operator*, a * b)
+RAYMILL_LANEWISE(operator*, a* b)
 RAYMILL_LANEWISE(operator/, a / b)
 RAYMILL_LANEWISE(min_keep, a < b ? a : b)
 RAYMILL_LANEWISE(max_keep, a > b ? a : b)

@@ -40,12 +40,11 @@ class EngineTest : public testing::Test {
     path_ = tests::build_store(folder_, "scene.mill", {tests::soup(random, 12000, 0.1F), tests::grid(10, 0.1F)});
     rays_ = tests::random_rays(random, {{-1, -1, -1}, {1, 1, 1}}, 20000);
   }
-  // The least that this process can trace the store with.
-  TraceSetup tight(unsigned threads = 1) {
+  // Results that are not fetched go to the test's folder.
+  TraceSetup spilling(unsigned threads = 1) {
     TraceSetup setup;
     setup.engine.threads = threads;
     setup.engine.spill_directory = folder_.path();
-    setup.engine.memory = tests::least_memory(path_, setup.engine) + mebibytes(1);  // this process grows a little
     return setup;
   }
   std::unique_ptr<Engine> engine(unsigned max_jobs = 1, unsigned threads = 2) {
@@ -68,7 +67,7 @@ TEST_F(EngineTest, LeastMemoryGivesTheHitsOfPlenty) {
   ASSERT_TRUE(plenty.status.ok()) << plenty.status.message();
   ASSERT_EQ(plenty.hits.size(), rays_.size());
   for (const unsigned threads : {1u, 3u}) {
-    const Traced least = tests::trace(path_, rays_, tight(threads));
+    const Traced least = tests::trace_with_least_memory(path_, rays_, spilling(threads));
     ASSERT_TRUE(least.status.ok()) << least.status.message();
     EXPECT_TRUE(same(plenty.hits, least.hits));
     EXPECT_GT(least.stats.rays_parked, 0u) << "paging was forced";
@@ -78,7 +77,7 @@ TEST_F(EngineTest, LeastMemoryGivesTheHitsOfPlenty) {
 
 TEST_F(EngineTest, EverythingPushedBeforeTheFirstNextIsSpilledAndComesInOrder) {
   const Traced plenty = tests::trace(path_, rays_);
-  const Traced least = tests::trace(path_, rays_, tight());
+  const Traced least = tests::trace_with_least_memory(path_, rays_, spilling());
   EXPECT_GT(least.stats.result_spill_bytes, 0u);
   EXPECT_TRUE(same(plenty.hits, least.hits));
   EXPECT_EQ(folder_.files(), 2u) << "the scene and its store; what was spilled has no name";
@@ -86,7 +85,10 @@ TEST_F(EngineTest, EverythingPushedBeforeTheFirstNextIsSpilledAndComesInOrder) {
 
 TEST_F(EngineTest, FetchingInOneThreadWhilePushingInAnother) {
   const Traced plenty = tests::trace(path_, rays_);
-  const auto created = Engine::create(tight(2).engine);
+  EngineConfig little = spilling(2).engine;
+  tests::set_least_memory(path_, little);
+  little.memory += mebibytes(1);
+  const auto created = Engine::create(little);
   ASSERT_TRUE(created);
   const auto store = (*created)->open(path_);
   ASSERT_TRUE(store);
@@ -115,9 +117,9 @@ TEST_F(EngineTest, FetchingInOneThreadWhilePushingInAnother) {
 }
 
 TEST_F(EngineTest, TooLittleMemoryNamesTheLeastAndTheLeastWorks) {
-  TraceSetup setup = tight();
-  const std::uint64_t least = setup.engine.memory;
-  setup.engine.memory = least / 2;
+  TraceSetup setup = spilling();
+  tests::set_least_memory(path_, setup.engine);
+  setup.engine.memory /= 2;
   const Status status = tests::trace(path_, rays_, setup).status;
   EXPECT_EQ(status.code(), ErrorCode::budget_exceeded);
   EXPECT_NE(status.message().find("needs at least"), std::string::npos) << status.message();
