@@ -1,7 +1,8 @@
 // The kernels for avx2; see kernel-inl.h.
 #define RAYMILL_ISA avx2
-#include "traversal/kernels/kernel-inl.h"
 #include "traversal/simd/avx2.h"
+// The lanes come first: what follows is written on them.
+#include "traversal/kernels/kernel-inl.h"
 
 namespace raymill::traversal::avx2 {
 

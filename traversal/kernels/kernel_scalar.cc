@@ -1,7 +1,8 @@
 // The kernels for scalar; see kernel-inl.h.
 #define RAYMILL_ISA scalar
-#include "traversal/kernels/kernel-inl.h"
 #include "traversal/simd/scalar.h"
+// The lanes come first: what follows is written on them.
+#include "traversal/kernels/kernel-inl.h"
 
 namespace raymill::traversal::scalar {
 
