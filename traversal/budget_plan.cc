@@ -35,7 +35,8 @@ constexpr std::size_t kLargestRecord = 35 + sizeof(Bitstack);
 std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned depth) {
   const std::uint64_t worker =
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
-  return PageScheduler::bytes(store.page_count()) + depth * kThreadBytes + threads * worker;
+  return PageScheduler::bytes(store.page_count()) + storage::PageDecoder::process_bytes(store.codec()) +
+         depth * kThreadBytes + threads * worker;
 }
 
 // What does not depend on the share.

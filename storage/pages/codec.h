@@ -67,6 +67,8 @@ class PageDecoder {
 
   /// Bytes of scratch that one decoder may hold.
   static std::uint64_t scratch_bytes(std::uint32_t page_bytes, Codec store_codec);
+  /// Bytes that the first page of a codec brings into the process, whatever the number of decoders.
+  static std::uint64_t process_bytes(Codec store_codec);
 
  private:
   struct Scratch;
