@@ -13,7 +13,7 @@ namespace raymill {
 
 struct ClientConfig {
   std::string address = "ipc:///tmp/raymill.sock";  ///< a ZeroMQ endpoint: ipc://PATH or tcp://HOST:PORT
-  double timeout_seconds = 10;  ///< silence after which the server counts as gone (unavailable)
+  double timeout_seconds = 10;                      ///< silence after which the server counts as gone (unavailable)
 };
 
 enum class JobState : std::uint8_t { queued, running, done, failed, cancelled };
@@ -27,13 +27,13 @@ struct JobInfo {
   Query query = Query::closest;
   Mode mode = Mode::watertight;
   Field fields = Field::none;
-  std::uint64_t rays = 0;       ///< received so far, or all when known
+  std::uint64_t rays = 0;  ///< received so far, or all when known
   std::uint64_t rays_done = 0;
-  bool detached = false;        ///< submitted: results are kept on the server until fetched or cancelled
-  std::string message;          ///< why it failed
+  bool detached = false;  ///< submitted: results are kept on the server until fetched or cancelled
+  std::string message;    ///< why it failed
 };
 
-/// Thread-safe: each store and job uses a connection of its own.
+/// Thread-safe: requests share one connection, each job has one of its own.
 class Client final : public Service {
  public:
   /// Says hello and checks the protocol version. Errors: unavailable, version_mismatch, invalid_argument (address).
