@@ -23,9 +23,8 @@ bool is_invalid(const Ray& ray) {
 Comparison::Comparison(std::span<const storage::Triangle> triangles, const EmbreePeer& peer, const Reference& reference)
     : triangles_(triangles), peer_(peer), reference_(reference), by_id_(triangles.size()) {
   std::iota(by_id_.begin(), by_id_.end(), 0U);
-  std::ranges::sort(by_id_, {}, [&](std::uint32_t i) {
-    return std::tuple(triangles_[i].geometry_id, triangles_[i].primitive_id);
-  });
+  std::ranges::sort(by_id_, {},
+                    [&](std::uint32_t i) { return std::tuple(triangles_[i].geometry_id, triangles_[i].primitive_id); });
 }
 
 std::optional<std::uint32_t> Comparison::find(std::uint32_t geometry_id, std::uint32_t primitive_id) const {

@@ -91,8 +91,8 @@ Result<Tally> compare(const Options& options) {
   RAYMILL_ASSIGN_OR_RETURN(const auto rays, read_rays(options.rays));
   RAYMILL_ASSIGN_OR_RETURN(const auto hits, read_hits(options.hits));
   if (rays.size() != hits.rows.size()) {
-    return {ErrorCode::invalid_argument, std::to_string(rays.size()) + " rays and " +
-                                             std::to_string(hits.rows.size()) + " hits"};
+    return {ErrorCode::invalid_argument,
+            std::to_string(rays.size()) + " rays and " + std::to_string(hits.rows.size()) + " hits"};
   }
   RAYMILL_ASSIGN_OR_RETURN(const auto triangles, read_scenes(options));
   RAYMILL_ASSIGN_OR_RETURN(const auto peer, EmbreePeer::create(triangles));

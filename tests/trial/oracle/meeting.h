@@ -68,7 +68,8 @@ inline Meeting meet(const Ray& ray, const storage::Triangle& triangle) {
     const Quad* b = p[(k + 1) % 3];
     const Quad* c = p[(k + 2) % 3];
     edge[k] = (ray.dir[0] * (c[1] * b[2] - c[2] * b[1]) + ray.dir[1] * (c[2] * b[0] - c[0] * b[2]) +
-               ray.dir[2] * (c[0] * b[1] - c[1] * b[0])) / dz;
+               ray.dir[2] * (c[0] * b[1] - c[1] * b[0])) /
+              dz;
     positive |= edge[k] > 0;
     negative |= edge[k] < 0;
     close |= magnitude(edge[k]) <= bound;

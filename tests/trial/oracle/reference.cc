@@ -46,8 +46,7 @@ double centre(const storage::Triangle& triangle, int axis) {
 
 }  // namespace
 
-Reference::Reference(std::span<const storage::Triangle> triangles)
-    : triangles_(triangles), order_(triangles.size()) {
+Reference::Reference(std::span<const storage::Triangle> triangles) : triangles_(triangles), order_(triangles.size()) {
   std::iota(order_.begin(), order_.end(), 0U);
   nodes_.reserve(triangles.size());
   nodes_.emplace_back();
@@ -77,10 +76,9 @@ void Reference::split(std::uint32_t node, std::uint32_t first, std::uint32_t las
     }
   }
   const std::uint32_t middle = first + (last - first) / 2;
-  std::nth_element(order_.begin() + first, order_.begin() + middle, order_.begin() + last,
-                   [&](std::uint32_t a, std::uint32_t b) {
-                     return centre(triangles_[a], axis) < centre(triangles_[b], axis);
-                   });
+  std::nth_element(
+      order_.begin() + first, order_.begin() + middle, order_.begin() + last,
+      [&](std::uint32_t a, std::uint32_t b) { return centre(triangles_[a], axis) < centre(triangles_[b], axis); });
   const auto children = static_cast<std::uint32_t>(nodes_.size());
   nodes_[node].first = children;
   nodes_.emplace_back();

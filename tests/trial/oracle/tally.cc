@@ -14,14 +14,22 @@ constexpr std::size_t kMostPrinted = 100;
 
 const char* to_string(Outcome outcome) {
   switch (outcome) {
-    case Outcome::agrees: return "agrees";
-    case Outcome::same_t: return "same_t";
-    case Outcome::decided_for: return "decided_for";
-    case Outcome::float64_cannot_tell: return "float64_cannot_tell";
-    case Outcome::decided_against: return "decided_against";
-    case Outcome::both_wrong: return "both_wrong";
-    case Outcome::bad_row: return "bad_row";
-    case Outcome::count: break;
+    case Outcome::agrees:
+      return "agrees";
+    case Outcome::same_t:
+      return "same_t";
+    case Outcome::decided_for:
+      return "decided_for";
+    case Outcome::float64_cannot_tell:
+      return "float64_cannot_tell";
+    case Outcome::decided_against:
+      return "decided_against";
+    case Outcome::both_wrong:
+      return "both_wrong";
+    case Outcome::bad_row:
+      return "bad_row";
+    case Outcome::count:
+      break;
   }
   return "";
 }

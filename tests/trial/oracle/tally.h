@@ -13,13 +13,13 @@ namespace raymill::trial {
 
 /// How an answer relates to Embree's and to the reference.
 enum class Outcome : std::uint8_t {
-  agrees,           ///< the same triangle, or both a miss, and the reference does not object
-  same_t,           ///< two triangles at the same float32 t, both hit
-  decided_for,      ///< differs from Embree; ours is right
+  agrees,               ///< the same triangle, or both a miss, and the reference does not object
+  same_t,               ///< two triangles at the same float32 t, both hit
+  decided_for,          ///< differs from Embree; ours is right
   float64_cannot_tell,  ///< differs from Embree by less than float64 can tell
-  decided_against,  ///< differs from Embree; ours is wrong
-  both_wrong,       ///< agrees with Embree; the reference says otherwise
-  bad_row,          ///< ids that no triangle has, a NaN for a valid ray or none for an invalid one
+  decided_against,      ///< differs from Embree; ours is wrong
+  both_wrong,           ///< agrees with Embree; the reference says otherwise
+  bad_row,              ///< ids that no triangle has, a NaN for a valid ray or none for an invalid one
   count
 };
 const char* to_string(Outcome outcome);
@@ -39,7 +39,7 @@ struct Tally {
   std::uint64_t invalid = 0;
   std::uint64_t hit_or_miss_differs = 0;  ///< from Embree's
   std::array<std::uint64_t, static_cast<std::size_t>(Outcome::count)> outcomes{};
-  double max_ulp = 0;              ///< of t, against exact arithmetic for the same triangle, beyond float64's own error
+  double max_ulp = 0;  ///< of t, against exact arithmetic for the same triangle, beyond float64's own error
   std::uint64_t over_half_ulp = 0;
   std::uint64_t over_four_ulp = 0;
   std::uint64_t worst_ray = 0;

@@ -4,9 +4,12 @@ namespace raymill::trial {
 
 const char* to_string(Verdict verdict) {
   switch (verdict) {
-    case Verdict::right: return "right";
-    case Verdict::near: return "near";
-    case Verdict::wrong: return "wrong";
+    case Verdict::right:
+      return "right";
+    case Verdict::near:
+      return "near";
+    case Verdict::wrong:
+      return "wrong";
   }
   return "";
 }
