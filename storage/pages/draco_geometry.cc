@@ -2,6 +2,8 @@
 
 #include <draco/compression/decode.h>
 #include <draco/compression/encode.h>
+#include <draco/compression/point_cloud/point_cloud_decoder.h>
+#include <draco/core/varint_decoding.h>
 #include <draco/mesh/mesh.h>
 
 #include <algorithm>
@@ -77,8 +79,28 @@ std::vector<std::byte> encode_mesh(const PageView& view, const PositionKind& kin
   return {bytes, bytes + buffer.size()};
 }
 
+// Whether the head of the stream (Draco bitstream 2.2, "Header" and "Connectivity") counts at most `most` faces. Draco
+// allocates by these counts before it finds out that the bytes behind them are missing.
+bool counts_at_most(std::span<const std::byte> bytes, std::size_t most) {
+  draco::DecoderBuffer buffer;
+  buffer.Init(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  draco::DracoHeader header;
+  if (!draco::PointCloudDecoder::DecodeHeader(&buffer, &header).ok() || header.version_major != 2 ||
+      header.version_minor != 2 || header.encoder_type != draco::TRIANGULAR_MESH ||
+      header.encoder_method != draco::MESH_EDGEBREAKER_ENCODING) {
+    return false;
+  }
+  std::uint8_t traversal = 0;
+  std::uint32_t vertices = 0, faces = 0;
+  return buffer.Decode(&traversal) && draco::DecodeVarint(&vertices, &buffer) && draco::DecodeVarint(&faces, &buffer) &&
+         faces <= most && vertices <= 3 * most;
+}
+
 // The faces of a Draco mesh, or empty where the bytes are no such mesh of at most `most` faces.
 std::optional<std::vector<Face>> decode_mesh(std::span<const std::byte> bytes, std::size_t most) {
+  if (!counts_at_most(bytes, most)) {
+    return std::nullopt;
+  }
   draco::DecoderBuffer buffer;
   buffer.Init(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   draco::Decoder decoder;
