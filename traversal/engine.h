@@ -13,11 +13,11 @@ namespace raymill {
 struct EngineConfig {
   /// Limit of the whole process, not of this engine alone: what the process holds already is measured and counted.
   std::uint64_t memory = gibibytes(2);
-  unsigned threads = 0;         ///< workers; 0: one for each core
-  std::string isa;              ///< "scalar", "avx2"; empty: the best this machine has
-  unsigned max_jobs = 1;        ///< jobs at once; each gets its share of the ray memory
-  unsigned max_stores = 1;      ///< stores open at once; each gets its share of the page memory
-  std::string spill_directory;  ///< for results that wait; empty: TMPDIR, else /tmp
+  unsigned threads = 0;              ///< workers; 0: one for each core
+  std::string isa = {};              ///< "scalar", "avx2"; empty: the best this machine has
+  unsigned max_jobs = 1;             ///< jobs at once; each gets its share of the ray memory
+  unsigned max_stores = 1;           ///< stores open at once; each gets its share of the page memory
+  std::string spill_directory = {};  ///< for results that wait; empty: TMPDIR, else /tmp
 };
 
 /// Thread-safe. Stores and jobs keep what they need of the engine alive.

@@ -27,7 +27,8 @@ struct TraceConfig {
   Field fields = kDefaultClosestFields;  ///< for Query::any only Field::t is accepted or used
 };
 
-/// Rows of hits for consecutive rays. Move-only: it holds memory claimed from the budget until it is destroyed.
+/// Rows of hits for consecutive rays. Move-only: it holds memory claimed from the budget until it is destroyed, so a
+/// caller that keeps every chunk stops its own job: copy what is to stay.
 class HitChunk {
  public:
   /// Gives back whatever holds the rows' memory.

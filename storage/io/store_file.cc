@@ -42,7 +42,7 @@ ssize_t read_fully(int descriptor, std::byte* out, std::size_t size, std::uint64
 }  // namespace
 
 Result<std::shared_ptr<const StoreFile>> StoreFile::open(const std::string& path, Ledger& ledger) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe is refused, not waited for
   if (descriptor < 0) {
     const int error = errno;
     return {error == ENOENT ? ErrorCode::not_found : ErrorCode::io,

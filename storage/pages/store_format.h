@@ -17,6 +17,8 @@ namespace raymill::storage {
 constexpr std::array<char, 8> kHeaderMagic{'R', 'A', 'Y', 'M', 'I', 'L', 'L', '\x1A'};
 constexpr std::array<char, 8> kFooterMagic{'\x1A', 'L', 'L', 'I', 'M', 'Y', 'A', 'R'};
 constexpr std::uint32_t kFormatVersion = 1;
+/// About a hundred bytes a geometry: ten million of them.
+constexpr std::uint64_t kMostMetadataBytes = std::uint64_t{1} << 30;
 
 /// What occurs in the scene; a reader refuses a store with a feature that it does not know.
 enum class Feature : std::uint64_t {
