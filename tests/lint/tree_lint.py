@@ -1,4 +1,5 @@
-"""What stands in the repository: allowed entries at the top, no overlong file, no path of somebody's machine.
+"""What stands in the repository: allowed entries at the top, no overlong file, no path of somebody's machine, and links
+in its pages that lead somewhere.
 
     tree_lint.py REPOSITORY | --self-test
 """
@@ -18,6 +19,7 @@ CODE = re.compile(r"(\.(h|cc|inl|cu|cuh|py|sh|cmake|proto|md|yml)|CMakeLists\.tx
 MACHINE_PATH = re.compile(r"(?<![\w.~])/(home|root|Users|wo" r"rk)/\w")
 UNFINISHED = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X)\b")
 # Named by the layer that a folder would stand in, an old copy has no place.
+LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 OLD_COPY = re.compile(r"(^|/)(old|backup|copy|tmp)\d*(/|$)|\.(orig|bak|rej)$|~$")
 
 
@@ -38,6 +40,9 @@ def violations(root, files):
                 yield f"{file}:{number}: a path of one machine: {line.strip()}"
             if UNFINISHED.search(line):
                 yield f"{file}:{number}: unfinished: {line.strip()}"
+            for target, _ in LINK.findall(line) if file.endswith(".md") else []:
+                if "://" not in target and not (root / file).parent.joinpath(target).exists():
+                    yield f"{file}:{number}: a link to what is not there: {target}"
 
 
 def self_test():
@@ -48,9 +53,10 @@ def self_test():
         "deploy/path.sh": f"cd /{'wo'}rk/main\n",
         "server/later.cc": f"// {'TO'}DO: later\n",
         "traversal/old2/kernel.cc": "\n",
+        "tests/README.md": "see [unit](unit/README.md)\n",
     }
     good = {
-        "README.md": "see storage/FORMAT.md and build/release\n",
+        "README.md": "see [import](storage/import/golden.json#top), [more](https://example.org) and build/release\n",
         ".clang-format": "\n",
         "client/short.cc": "int x;\n" * MAX_LINES,
         "deploy/install.sh": "/usr/bin/env ~/work/x ../work/y https://example.org/home/page\n",
