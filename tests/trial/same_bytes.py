@@ -167,7 +167,7 @@ def main():
                     trial.rays)
         os.sync()
         for i, setting in enumerate(stores):
-            full = i == 0 or (setting.get("codec") == "draco" and not options.short)
+            full = i == 0 or (setting.get("codec") == "draco" and stores is STORES)
             trial.store(scene, setting, VARIATIONS if full else [], queries if i == 0 else [])
     return support.ended(trial.problems, "same bytes")
 

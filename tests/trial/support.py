@@ -29,6 +29,7 @@ def program(path):
 
 
 def parser(text):
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # files are removed on the way out
     options = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=program, help="the program: build/release/bin/raymill")
     options.add_argument("--work", help="folder for the trial's files, removed at the end; default TMPDIR")
