@@ -118,7 +118,9 @@ TEST(BadInput, DeepExtrasAreRefusedAndShallowOnesIgnored) {
   scene.root["extras"] = extras;
   EXPECT_TRUE(import_bytes(scene.text()).status.ok());
   std::string text = scene.text();
-  text.insert(1, "\"deep\":" + std::string(100000, '[') + std::string(100000, ']') + ",");
+  std::string deep = "\"deep\":";
+  deep.append(100000, '[').append(100000, ']').append(",");
+  text.insert(1, deep);
   const Status status = import_bytes(text).status;
   EXPECT_EQ(status.code(), ErrorCode::bad_scene);
   EXPECT_NE(status.message().find("nested deeper"), std::string::npos) << status.message();
