@@ -1,5 +1,6 @@
 #include "client/cli/report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -122,20 +123,32 @@ std::string info_text(const StoreInfo& info) {
   return text;
 }
 
+namespace {
+double build_seconds(const BuildReport& report) {
+  return report.import_seconds + report.partition_seconds + report.build_seconds;
+}
+}  // namespace
+
 json build_json(const BuildReport& report, const std::string& output) {
-  return {{"output", output},
-          {"triangles", report.triangles},
-          {"nodes", report.nodes},
-          {"pages", report.pages},
-          {"store_bytes", report.store_bytes},
-          {"decoded_bytes", report.decoded_bytes},
-          {"levels", report.levels},
-          {"sah_cost", report.sah_cost},
-          {"max_displacement", report.max_displacement},
-          {"seconds",
-           {{"import", report.import_seconds}, {"build", report.build_seconds}, {"write", report.write_seconds}}},
-          {"peak_rss_bytes", report.peak_rss_bytes},
-          {"import", parsed(report.import_json)}};
+  return {
+      {"output", output},
+      {"triangles", report.triangles},
+      {"nodes", report.nodes},
+      {"pages", report.pages},
+      {"store_bytes", report.store_bytes},
+      {"decoded_bytes", report.decoded_bytes},
+      {"levels", report.levels},
+      {"sah_cost", report.sah_cost},
+      {"max_displacement", report.max_displacement},
+      {"seconds",
+       {{"import", report.import_seconds}, {"partition", report.partition_seconds}, {"build", report.build_seconds}}},
+      {"triangles_per_second", double(report.triangles) / std::max(build_seconds(report), 1e-9)},
+      {"runs", report.runs},
+      {"runs_at_once", report.runs_at_once},
+      {"temporary_bytes", report.temporary_bytes},
+      {"temporary_folder", report.temporary_folder},
+      {"peak_rss_bytes", report.peak_rss_bytes},
+      {"import", parsed(report.import_json)}};
 }
 
 std::string build_text(const BuildReport& report, const std::string& output) {
@@ -143,8 +156,10 @@ std::string build_text(const BuildReport& report, const std::string& output) {
   std::string text = output + ": " + std::to_string(report.triangles) + " triangles, " + std::to_string(report.pages) +
                      " pages, " + format_bytes(report.store_bytes) +
                      formatted(" (%.2f B a triangle)", static_cast<double>(report.store_bytes) / triangles) +
-                     formatted(", %.2f s", report.import_seconds + report.build_seconds + report.write_seconds) +
-                     ", peak " + format_bytes(report.peak_rss_bytes) + "\n";
+                     formatted(", %.2f s", build_seconds(report)) + ", peak " + format_bytes(report.peak_rss_bytes) +
+                     (report.temporary_bytes > 0 ? ", " + format_bytes(report.temporary_bytes) + " on disk for a while"
+                                                 : std::string()) +
+                     "\n";
   if (report.max_displacement > 0) {
     text += formatted("largest displacement of a vertex: %g scene units\n", report.max_displacement);
   }

@@ -1,195 +1,172 @@
 #include "storage/build/binary_tree.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
+#include <embree3/rtcore.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <array>
-#include <numeric>
+#include <cstring>
+#include <new>
 #include <span>
-
-#include "storage/build/embree_run.h"
+#include <string>
+#include <utility>
 
 namespace raymill::storage {
 namespace {
 
-constexpr unsigned kBins = 32;
-
-// Twice the centroid, which orders triangles as the centroid does.
-float doubled_centroid(const Triangle& t, int axis) {
-  const Aabb box = bounds(t);
-  return box.lower[axis] * 0.5F + box.upper[axis] * 0.5F;
-}
-
-struct Split {
-  int axis = 0;
-  float position = 0;
-  double cost = std::numeric_limits<double>::infinity();
+// What Embree's callbacks allocate: a node with two children, or a leaf that names its triangles.
+struct RawNode {
+  bool leaf = false;
+};
+struct RawInner : RawNode {
+  RawNode* children[2] = {nullptr, nullptr};
+  RTCBounds boxes[2] = {};
+};
+struct RawLeaf : RawNode {
+  std::uint32_t count = 0;
+  std::uint32_t triangles[kMaxLeafTriangles] = {};
 };
 
-struct Bin {
-  Aabb box;
-  std::uint64_t count = 0;
-};
-
-std::size_t bin_of(float centroid, float lower, float scale) {
-  return static_cast<std::size_t>(std::clamp((centroid - lower) * scale, 0.0F, float(kBins - 1)));
+void* create_node(RTCThreadLocalAllocator allocator, unsigned /*child_count*/, void* /*user*/) {
+  return new (rtcThreadLocalAlloc(allocator, sizeof(RawInner), 16)) RawInner;
 }
 
-Split best_split_on(std::span<const Triangle> triangles, int axis, float lower, float upper) {
-  std::array<Bin, kBins> bins;
-  const float scale = float(kBins) / (upper - lower);
-  for (const Triangle& t : triangles) {
-    Bin& bin = bins[bin_of(doubled_centroid(t, axis), lower, scale)];
-    bin.box.grow(bounds(t));
-    ++bin.count;
-  }
-  std::array<double, kBins> right_cost{};
-  Bin right;
-  for (unsigned i = kBins - 1; i > 0; --i) {
-    right.box.grow(bins[i].box);
-    right.count += bins[i].count;
-    right_cost[i] = right.box.half_area() * double(right.count);
-  }
-  Split best;
-  Bin left;
-  for (unsigned i = 1; i < kBins; ++i) {
-    left.box.grow(bins[i - 1].box);
-    left.count += bins[i - 1].count;
-    const double cost = left.box.half_area() * double(left.count) + right_cost[i];
-    if (left.count > 0 && left.count < triangles.size() && cost < best.cost) {
-      best = {axis, float(i), cost};
-    }
-  }
-  return best;
-}
-
-// Splits by binned SAH over the centroids; by the median of the order given where no plane separates any two.
-std::size_t partition(std::span<Triangle> triangles) {
-  Vec3f lower{INFINITY, INFINITY, INFINITY}, upper{-INFINITY, -INFINITY, -INFINITY};
-  for (const Triangle& t : triangles) {
-    const Vec3f c{doubled_centroid(t, 0), doubled_centroid(t, 1), doubled_centroid(t, 2)};
-    lower = min(lower, c);
-    upper = max(upper, c);
-  }
-  Split best;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float scale = float(kBins) / (upper[axis] - lower[axis]);
-    if (lower[axis] < upper[axis] && std::isfinite(scale) && scale > 0) {
-      const Split split = best_split_on(triangles, axis, lower[axis], upper[axis]);
-      best = split.cost < best.cost ? split : best;
-    }
-  }
-  if (!std::isfinite(best.cost)) {
-    return triangles.size() / 2;
-  }
-  const float scale = float(kBins) / (upper[best.axis] - lower[best.axis]);
-  const auto middle = std::partition(triangles.begin(), triangles.end(), [&](const Triangle& t) {
-    return bin_of(doubled_centroid(t, best.axis), lower[best.axis], scale) < static_cast<std::size_t>(best.position);
-  });
-  return static_cast<std::size_t>(middle - triangles.begin());
-}
-
-// The partition's tree: inner nodes, and runs at its leaves, left to right.
-struct Top {
-  std::size_t first = 0;
-  std::size_t count = 0;
-  std::vector<Top> children;  // none: a run
-};
-
-Top partition_runs(std::span<Triangle> all, std::size_t first, std::size_t count) {
-  Top top{first, count, {}};
-  if (count <= kRunTriangles) {
-    return top;
-  }
-  const std::size_t left = partition(all.subspan(first, count));
-  top.children.resize(2);
-  tbb::parallel_invoke([&] { top.children[0] = partition_runs(all, first, left); },
-                       [&] { top.children[1] = partition_runs(all, first + left, count - left); });
-  return top;
-}
-
-void collect_runs(const Top& top, std::vector<const Top*>& runs) {
-  if (top.children.empty()) {
-    runs.push_back(&top);
-    return;
-  }
-  for (const Top& child : top.children) {
-    collect_runs(child, runs);
+void set_children(void* node, void** children, unsigned child_count, void* /*user*/) {
+  for (unsigned i = 0; i < child_count; ++i) {
+    static_cast<RawInner*>(node)->children[i] = static_cast<RawNode*>(children[i]);
   }
 }
 
-// Joins the runs' trees under the partition's nodes; takes the runs in the order of collect_runs.
-std::uint32_t join(const Top& top, std::vector<std::vector<BinaryNode>>& run_nodes, std::size_t& next_run,
-                   std::vector<BinaryNode>& nodes) {
-  const auto index = static_cast<std::uint32_t>(nodes.size());
-  if (top.children.empty()) {
-    std::vector<BinaryNode>& run = run_nodes[next_run++];
-    for (BinaryNode node : run) {
-      if (node.count == 0) {
-        node.left += index;
-        node.right += index;
+void set_bounds(void* node, const RTCBounds** bounds, unsigned child_count, void* /*user*/) {
+  for (unsigned i = 0; i < child_count; ++i) {
+    static_cast<RawInner*>(node)->boxes[i] = *bounds[i];
+  }
+}
+
+void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* primitives, std::size_t count,
+                  void* /*user*/) {
+  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(RawLeaf), 16)) RawLeaf;
+  leaf->leaf = true;
+  leaf->count = static_cast<std::uint32_t>(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    leaf->triangles[i] = primitives[i].primID;
+  }
+  std::sort(leaf->triangles, leaf->triangles + count);
+  return leaf;
+}
+
+// Copies Embree's tree into ours, depth first, left before right.
+class Flattener {
+ public:
+  Flattener(std::span<const Triangle> triangles, std::vector<BinaryNode>& nodes, std::vector<std::uint32_t>& order)
+      : triangles_(triangles), nodes_(nodes), order_(order) {}
+
+  std::uint32_t flatten(const RawNode* raw) {
+    const auto index = static_cast<std::uint32_t>(nodes_.size());
+    nodes_.emplace_back();
+    if (raw->leaf) {
+      const auto* leaf = static_cast<const RawLeaf*>(raw);
+      BinaryNode& node = nodes_[index];
+      node.left = static_cast<std::uint32_t>(order_.size());
+      node.count = leaf->count;
+      for (std::uint32_t i = 0; i < leaf->count; ++i) {
+        order_.push_back(leaf->triangles[i]);
+        node.box.grow(bounds(triangles_[leaf->triangles[i]]));
       }
-      nodes.push_back(node);
+      return index;
     }
-    run = {};
+    const auto* inner = static_cast<const RawInner*>(raw);
+    const std::uint32_t left = flatten(inner->children[0]);
+    const std::uint32_t right = flatten(inner->children[1]);
+    BinaryNode& node = nodes_[index];
+    node.left = left;
+    node.right = right;
+    node.box.grow(nodes_[left].box);
+    node.box.grow(nodes_[right].box);
     return index;
   }
-  nodes.emplace_back();
-  const std::uint32_t left = join(top.children[0], run_nodes, next_run, nodes);
-  const std::uint32_t right = join(top.children[1], run_nodes, next_run, nodes);
-  nodes[index].left = left;
-  nodes[index].right = right;
-  nodes[index].box.grow(nodes[left].box);
-  nodes[index].box.grow(nodes[right].box);
-  return index;
+
+ private:
+  std::span<const Triangle> triangles_;
+  std::vector<BinaryNode>& nodes_;
+  std::vector<std::uint32_t>& order_;
+};
+
+std::vector<RTCBuildPrimitive> build_primitives(std::span<const Triangle> triangles) {
+  // Embree's MEDIUM builder may use the array's spare capacity; it splits nothing without a callback.
+  std::vector<RTCBuildPrimitive> primitives(triangles.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    const Aabb box = bounds(triangles[i]);
+    primitives[i] = {box.lower.x, box.lower.y, box.lower.z, 0,
+                     box.upper.x, box.upper.y, box.upper.z, static_cast<unsigned>(i)};
+  }
+  return primitives;
+}
+
+RTCBuildArguments build_arguments(RTCBVH bvh, std::vector<RTCBuildPrimitive>& primitives) {
+  RTCBuildArguments arguments = rtcDefaultBuildArguments();
+  arguments.byteSize = sizeof arguments;
+  arguments.buildQuality = RTC_BUILD_QUALITY_MEDIUM;
+  arguments.maxBranchingFactor = 2;
+  // Binary depth; the collapse bounds the wide tree's depth whatever comes out here. Recursion below is as deep.
+  arguments.maxDepth = 256;
+  arguments.sahBlockSize = 4;
+  arguments.minLeafSize = 1;
+  arguments.maxLeafSize = kMaxLeafTriangles;
+  arguments.traversalCost = 1;
+  arguments.intersectionCost = 1;
+  arguments.bvh = bvh;
+  arguments.primitives = primitives.data();
+  arguments.primitiveCount = primitives.size();
+  arguments.primitiveArrayCapacity = primitives.size();
+  arguments.createNode = create_node;
+  arguments.setNodeChildren = set_children;
+  arguments.setNodeBounds = set_bounds;
+  arguments.createLeaf = create_leaf;
+  return arguments;
 }
 
 }  // namespace
 
-std::uint64_t binary_tree_build_bytes(std::uint64_t triangle_count, unsigned threads) {
-  // A run under way: build primitives 32 B, Embree's nodes and scratch about 90 B, the sorted copy 44 B a triangle.
-  constexpr std::uint64_t kRunBytesPerTriangle = 32 + 90 + 44;
-  const std::uint64_t running = std::min<std::uint64_t>(triangle_count, std::uint64_t(kRunTriangles) * threads);
-  // Leaves hold three triangles or more on average: 2/3 of a node a triangle, twice while the runs are joined.
-  return running * kRunBytesPerTriangle + triangle_count * sizeof(BinaryNode) * 4 / 3;
+Result<EmbreeDevice> EmbreeDevice::create() {
+  // No number of threads here: Embree would limit TBB to it for the whole process. Runs are built on one thread each.
+  RTCDevice device = rtcNewDevice(nullptr);
+  if (device == nullptr) {
+    return {ErrorCode::internal, "Embree gave no device (error " + std::to_string(rtcGetDeviceError(nullptr)) + ")"};
+  }
+  return EmbreeDevice(device);
 }
 
-Result<BinaryTree> build_binary_tree(std::vector<Triangle>& triangles, unsigned threads, Ledger& ledger) {
-  const int parallelism =
-      threads == 0 ? static_cast<int>(tbb::this_task_arena::max_concurrency()) : static_cast<int>(threads);
-  RAYMILL_ASSIGN_OR_RETURN(
-      const BudgetReservation reservation,
-      ledger.claim(Tag::build, binary_tree_build_bytes(triangles.size(), static_cast<unsigned>(parallelism))));
-  RAYMILL_ASSIGN_OR_RETURN(const EmbreeDevice device, EmbreeDevice::create());
+EmbreeDevice::EmbreeDevice(EmbreeDevice&& other) noexcept : device_(std::exchange(other.device_, nullptr)) {}
 
+EmbreeDevice::~EmbreeDevice() {
+  if (device_ != nullptr) {
+    rtcReleaseDevice(device_);
+  }
+}
+
+Result<BinaryTree> build_binary_tree(const EmbreeDevice& device, std::vector<Triangle>& triangles) {
   BinaryTree tree;
-  Status status;
-  tbb::task_arena arena(parallelism);
-  arena.execute([&] {
-    const Top top = partition_runs(triangles, 0, triangles.size());
-    std::vector<const Top*> runs;
-    collect_runs(top, runs);
-    std::vector<std::vector<BinaryNode>> run_nodes(runs.size());
-    std::vector<Status> statuses(runs.size());
-    tbb::parallel_for(
-        std::size_t{0}, runs.size(),
-        [&](std::size_t i) {
-          statuses[i] = build_run(device, std::span(triangles).subspan(runs[i]->first, runs[i]->count),
-                                  static_cast<std::uint32_t>(runs[i]->first), run_nodes[i]);
-        },
-        tbb::simple_partitioner());
-    for (const Status& run_status : statuses) {
-      if (!run_status.ok()) {
-        status = run_status;
-        return;
-      }
+  std::vector<std::uint32_t> order;
+  {
+    std::vector<RTCBuildPrimitive> primitives = build_primitives(triangles);
+    RTCBVH bvh = rtcNewBVH(device.get());
+    const RTCBuildArguments arguments = build_arguments(bvh, primitives);
+    void* root = nullptr;
+    // One thread for a run: Embree's parallel partition may order triangles by the number of threads.
+    tbb::task_arena(1).execute([&] { root = rtcBuildBVH(&arguments); });
+    if (root == nullptr) {
+      const RTCError error = rtcGetDeviceError(device.get());
+      rtcReleaseBVH(bvh);
+      return {ErrorCode::internal, "Embree could not build " + std::to_string(triangles.size()) + " triangles (error " +
+                                       std::to_string(error) + ")"};
     }
-    std::size_t next_run = 0;
-    join(top, run_nodes, next_run, tree.nodes);
-  });
-  RAYMILL_RETURN_IF_ERROR(status);
+    order.reserve(triangles.size());
+    Flattener(triangles, tree.nodes, order).flatten(static_cast<const RawNode*>(root));
+    rtcReleaseBVH(bvh);
+  }
+  std::vector<Triangle> sorted(triangles.size());
+  std::transform(order.begin(), order.end(), sorted.begin(), [&](std::uint32_t i) { return triangles[i]; });
+  triangles = std::move(sorted);
   return tree;
 }
 

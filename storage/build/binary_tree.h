@@ -1,16 +1,14 @@
-// BinaryTree: a SAH BVH over all triangles; the first stage of the build.
-//
-// The scene is partitioned from the top by binned SAH into runs of at most kRunTriangles, and each run is built by
-// Embree's SAH builder on one thread, several runs at once. What a run becomes depends on its triangles alone, so the
-// tree is the same whatever the number of threads.
+// BinaryTree: the SAH BVH of one run, which the collapse makes wide.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "storage/base/ledger.h"
 #include "storage/base/status.h"
+#include "storage/base/types.h"
 #include "storage/base/vec3.h"
+
+struct RTCDeviceTy;
 
 namespace raymill::storage {
 
@@ -25,15 +23,29 @@ struct BinaryTree {
   std::vector<BinaryNode> nodes;  ///< nodes[0] is the root
 };
 
-/// Triangles of one Embree build: bounds the builder's own memory, and small enough that two cores share a scene of
-/// a million.
-constexpr std::uint32_t kRunTriangles = 1u << 18;
+/// Owns an Embree device that reports errors as Status. Thread-safe: builds may run side by side.
+class EmbreeDevice {
+ public:
+  static Result<EmbreeDevice> create();
+  EmbreeDevice(EmbreeDevice&& other) noexcept;
+  EmbreeDevice& operator=(EmbreeDevice&&) = delete;
+  ~EmbreeDevice();
+  [[nodiscard]] RTCDeviceTy* get() const { return device_; }
 
-/// Builds the tree and puts `triangles` into leaf order. `threads` 0: all cores.
-/// Errors: budget_exceeded, internal (Embree refused).
-Result<BinaryTree> build_binary_tree(std::vector<Triangle>& triangles, unsigned threads, Ledger& ledger);
+ private:
+  explicit EmbreeDevice(RTCDeviceTy* device) : device_(device) {}
+  RTCDeviceTy* device_;
+};
 
-/// Memory that build_binary_tree claims beyond the triangles themselves.
-std::uint64_t binary_tree_build_bytes(std::uint64_t triangle_count, unsigned threads);
+/// Embree's SAH builder over `triangles`, which are put into leaf order. Equal triangles give equal trees: the build
+/// runs on the calling thread alone. Errors: internal (Embree refused).
+Result<BinaryTree> build_binary_tree(const EmbreeDevice& device, std::vector<Triangle>& triangles);
+
+/// Memory that build_binary_tree takes at its peak, its result included and the triangles excluded.
+constexpr std::uint64_t binary_tree_build_bytes(std::uint64_t triangle_count) {
+  // Build primitives 32 B, Embree's nodes and scratch about 90 B, the sorted copy; leaves hold three triangles or more
+  // on average: two thirds of a node a triangle.
+  return triangle_count * (32 + 90 + sizeof(Triangle) + sizeof(BinaryNode) * 2 / 3);
+}
 
 }  // namespace raymill::storage

@@ -5,23 +5,20 @@
 #include <limits>
 #include <span>
 
+#include "storage/build/wide_node_order.h"
+
 namespace raymill::storage {
 
-unsigned balanced_levels(std::uint64_t triangle_count, unsigned width) {
+unsigned balanced_levels(std::uint64_t count, unsigned width, unsigned per_leaf) {
   unsigned levels = 1;
-  for (std::uint64_t capacity = std::uint64_t(width) * kMaxLeafTriangles; capacity < triangle_count;
-       capacity *= width) {
+  for (std::uint64_t capacity = std::uint64_t(width) * per_leaf; capacity < count; capacity *= width) {
     ++levels;
   }
   return levels;
 }
 
-double WideTree::sah_cost() const {
-  const double root_area = bounds.half_area();
-  if (!(root_area > 0)) {
-    return 0;
-  }
-  double cost = root_area;
+double WideTree::area_cost() const {
+  double cost = 0;
   for (const WideNode& node : nodes) {
     for (unsigned slot = 0; slot < width; ++slot) {
       if (node.has(slot)) {
@@ -29,7 +26,12 @@ double WideTree::sah_cost() const {
       }
     }
   }
-  return cost / root_area;
+  return cost;
+}
+
+double WideTree::sah_cost() const {
+  const double root_area = bounds.half_area();
+  return root_area > 0 ? (root_area + area_cost()) / root_area : 0;
 }
 
 namespace {
@@ -43,12 +45,25 @@ struct Piece {
   static constexpr std::uint32_t kBalanced = std::numeric_limits<std::uint32_t>::max();
 };
 
-double center(const Aabb& box, int axis) { return 0.5 * box.lower[axis] + 0.5 * box.upper[axis]; }
+// What a tree's leaves hold. A leaf of triangles stands in its node; a run is a tree of its own.
+struct TriangleUnits {
+  static constexpr std::uint32_t kPerLeaf = kMaxLeafTriangles;
+  static constexpr bool kOuter = false;
+  const std::vector<Triangle>& triangles;
+  [[nodiscard]] Aabb box(std::uint32_t i) const { return bounds(triangles[i]); }
+};
+struct RunUnits {
+  static constexpr std::uint32_t kPerLeaf = 1;
+  static constexpr bool kOuter = true;
+  const std::vector<Aabb>& boxes;
+  [[nodiscard]] Aabb box(std::uint32_t i) const { return boxes[i]; }
+};
 
+template <typename Units>
 class Collapser {
  public:
-  Collapser(const BinaryTree& binary, WideTree& tree, unsigned level_limit)
-      : binary_(binary), tree_(tree), level_limit_(level_limit), first_(binary.nodes.size()), count_(first_.size()) {
+  Collapser(const BinaryTree& binary, Units units, WideTree& tree, LevelRange range)
+      : binary_(binary), units_(units), tree_(tree), range_(range), first_(binary.nodes.size()), count_(first_.size()) {
     // Children follow their parents, so one sweep from the back sums the ranges.
     for (std::size_t i = binary.nodes.size(); i-- > 0;) {
       const BinaryNode& node = binary.nodes[i];
@@ -59,7 +74,7 @@ class Collapser {
 
   void run() {
     // Depth first with an explicit stack: adversarial scenes make deep trees.
-    std::vector<Pending> stack{{piece_of(0), 0, 0, 0}};
+    std::vector<Pending> stack{{piece_of(0), 0, 0, range_.first}};
     while (!stack.empty()) {
       const Pending pending = stack.back();
       stack.pop_back();
@@ -87,7 +102,7 @@ class Collapser {
   [[nodiscard]] Piece range_piece(std::uint32_t first, std::uint32_t count) const {
     Piece piece{{}, first, count, Piece::kBalanced};
     for (std::uint32_t i = first; i < first + count; ++i) {
-      piece.box.grow(bounds(tree_.triangles[i]));
+      piece.box.grow(units_.box(i));
     }
     return piece;
   }
@@ -119,7 +134,7 @@ class Collapser {
 
   // Equal shares of the range, each within what `levels_left` levels below can hold.
   std::vector<Piece> split_balanced(const Piece& piece, unsigned levels_left) const {
-    std::uint64_t capacity = kMaxLeafTriangles;
+    std::uint64_t capacity = Units::kPerLeaf;
     for (unsigned i = 0; i < levels_left && capacity < piece.count; ++i) {
       capacity *= tree_.width;
     }
@@ -135,9 +150,9 @@ class Collapser {
   }
 
   void place_children(std::uint32_t index, const Pending& pending, std::vector<Pending>& stack) {
-    const unsigned levels_left = level_limit_ - pending.level;  // this node's level included
-    const bool balanced =
-        pending.piece.binary == Piece::kBalanced || balanced_levels(pending.piece.count, tree_.width) >= levels_left;
+    const unsigned levels_left = range_.limit - pending.level;  // this node's level included
+    const bool balanced = pending.piece.binary == Piece::kBalanced ||
+                          balanced_levels(pending.piece.count, tree_.width, Units::kPerLeaf) >= levels_left;
     const std::vector<Piece> pieces =
         balanced ? split_balanced(pending.piece, levels_left - 1) : open_largest(pending.piece);
 
@@ -145,18 +160,23 @@ class Collapser {
     node.parent = pending.parent;
     node.level = static_cast<std::uint8_t>(pending.level);
     tree_.levels = std::max(tree_.levels, pending.level + 1);
-    const std::array<unsigned, kMaxWidth> slots = assign_slots(pieces, pending.piece.box, node.order);
+    std::vector<Aabb> boxes;
+    for (const Piece& piece : pieces) {
+      boxes.push_back(piece.box);
+    }
+    const std::array<unsigned, kMaxWidth> slots = assign_slots(boxes, pending.piece.box, tree_.width, node.order);
     for (std::size_t i = 0; i < pieces.size(); ++i) {
       const unsigned slot = slots[i];
       const Piece& piece = pieces[i];
       node.valid = static_cast<std::uint8_t>(node.valid | 1U << slot);
       node.boxes[slot] = piece.box;
-      const bool leaf = piece.count <= kMaxLeafTriangles && !can_open(piece);
+      const bool leaf = piece.count <= Units::kPerLeaf && !can_open(piece);
       if (leaf) {
         node.child[slot] = piece.first;
-        node.count[slot] = static_cast<std::uint8_t>(piece.count);
+        node.count[slot] = static_cast<std::uint8_t>(Units::kOuter ? 0 : piece.count);
+        node.outer = static_cast<std::uint8_t>(node.outer | (Units::kOuter ? 1U << slot : 0U));
       } else {
-        assert(pending.level + 1 < level_limit_);
+        assert(pending.level + 1 < range_.limit);
         stack.push_back({piece, index, slot, pending.level + 1});
       }
     }
@@ -167,68 +187,38 @@ class Collapser {
   [[nodiscard]] unsigned inner_count(const WideNode& node) const {
     unsigned inner = 0;
     for (unsigned slot = 0; slot < tree_.width; ++slot) {
-      inner += node.has(slot) && !node.is_leaf(slot) ? 1 : 0;
+      inner += node.is_inner(slot) ? 1 : 0;
     }
     return inner;
   }
 
-  // Greedy assignment: the (child, slot) pair of largest projection on the slot's diagonal first.
-  [[nodiscard]] std::array<unsigned, kMaxWidth> assign_slots(const std::vector<Piece>& pieces, const Aabb& box,
-                                                             std::uint8_t& order) const {
-    const unsigned bits = tree_.width == 8 ? 3 : 2;
-    std::array<int, 3> axes{0, 1, 2};
-    if (bits == 2) {
-      std::stable_sort(axes.begin(), axes.end(),
-                       [&](int a, int b) { return box.upper[a] - box.lower[a] > box.upper[b] - box.lower[b]; });
-    }
-    order = static_cast<std::uint8_t>(axes[0] | axes[1] << 2);
-    std::array<std::array<double, kMaxWidth>, kMaxWidth> gain{};
-    for (std::size_t i = 0; i < pieces.size(); ++i) {
-      for (unsigned slot = 0; slot < tree_.width; ++slot) {
-        for (unsigned bit = 0; bit < bits; ++bit) {
-          const double offset = center(pieces[i].box, axes[bit]) - center(box, axes[bit]);
-          gain[i][slot] += (slot >> bit & 1) != 0 ? offset : -offset;
-        }
-      }
-    }
-    std::array<unsigned, kMaxWidth> slots{};
-    unsigned placed = 0, taken = 0;
-    for (std::size_t step = 0; step < pieces.size(); ++step) {
-      double best = -std::numeric_limits<double>::infinity();
-      std::size_t best_piece = 0;
-      unsigned best_slot = 0;
-      for (std::size_t i = 0; i < pieces.size(); ++i) {
-        for (unsigned slot = 0; slot < tree_.width; ++slot) {
-          if ((placed >> i & 1) == 0 && (taken >> slot & 1) == 0 && gain[i][slot] > best) {
-            best = gain[i][slot];
-            best_piece = i;
-            best_slot = slot;
-          }
-        }
-      }
-      slots[best_piece] = best_slot;
-      placed |= 1U << best_piece;
-      taken |= 1U << best_slot;
-    }
-    return slots;
-  }
-
   const BinaryTree& binary_;
+  const Units units_;
   WideTree& tree_;
-  unsigned level_limit_;
+  const LevelRange range_;
   std::vector<std::uint32_t> first_;
   std::vector<std::uint32_t> count_;
 };
 
 }  // namespace
 
-WideTree collapse(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, unsigned level_limit) {
-  assert(balanced_levels(triangles.size(), width) <= level_limit);
+WideTree collapse(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, LevelRange range) {
+  assert(range.first + balanced_levels(triangles.size(), width) <= range.limit);
   WideTree tree;
   tree.width = width;
   tree.triangles = std::move(triangles);
   tree.bounds = binary.nodes[0].box;
-  Collapser(binary, tree, level_limit).run();
+  Collapser<TriangleUnits>(binary, {tree.triangles}, tree, range).run();
+  return tree;
+}
+
+WideTree collapse_over_runs(const BinaryTree& binary, const std::vector<Aabb>& run_boxes, unsigned width,
+                            unsigned level_limit) {
+  assert(balanced_levels(run_boxes.size(), width, 1) <= level_limit);
+  WideTree tree;
+  tree.width = width;
+  tree.bounds = binary.nodes[0].box;
+  Collapser<RunUnits>(binary, {run_boxes}, tree, {0, level_limit}).run();
   return tree;
 }
 

@@ -10,6 +10,7 @@ namespace {
 constexpr unsigned kMinBits = 4;
 constexpr unsigned kMaxBits = 30;
 constexpr int kMaxExponent = 120;
+constexpr double kMostSteps = 2147483647.0;
 
 Status bad_request(const std::string& text) {
   return {ErrorCode::invalid_argument, "--positions " + text +
@@ -17,13 +18,9 @@ Status bad_request(const std::string& text) {
                                            "lattice:BITSb (4 to 30 bits over the scene's largest extent)"};
 }
 
-int step_exponent_of(const PositionsRequest& request, const std::vector<Triangle>& triangles) {
+int step_exponent_of(const PositionsRequest& request, const Aabb& box) {
   if (request.kind == PositionsRequest::Kind::lattice_step) {
     return std::ilogb(request.step);
-  }
-  Aabb box;
-  for (const Triangle& t : triangles) {
-    box.grow(bounds(t));
   }
   double extent = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -69,33 +66,62 @@ Result<PositionsRequest> parse_positions(const std::string& text) {
   return request;
 }
 
-Result<LatticeResult> snap_to_lattice(const PositionsRequest& request, std::vector<Triangle>& triangles) {
-  LatticeResult result;
-  result.step_exponent = step_exponent_of(request, triangles);
-  const double step = std::ldexp(1.0, result.step_exponent);
-  constexpr double kMost = 2147483647.0;
-  for (Triangle& t : triangles) {
-    for (Vec3f& corner : t.v) {
-      double square = 0;
-      for (int axis = 0; axis < 3; ++axis) {
-        const double steps = std::nearbyint(corner[axis] / step);
-        if (std::abs(steps) > kMost) {
-          return {ErrorCode::invalid_argument, "a lattice step of " + std::to_string(step) + " puts the coordinate " +
-                                                   std::to_string(corner[axis]) +
-                                                   " more than 2^31 steps from zero; use a larger step"};
-        }
-        // Exact: where float32 is coarser than the step, the coordinate was a multiple already. Zero has no sign.
-        const auto snapped = static_cast<float>(steps * step + 0.0);
-        const double moved = double(snapped) - corner[axis];
-        square += moved * moved;
-        corner[axis] = snapped;
+Lattice::Lattice(const PositionsRequest& request, const Aabb& box)
+    : active_(request.kind != PositionsRequest::Kind::float32),
+      step_exponent_(active_ ? step_exponent_of(request, box) : 0),
+      step_(std::ldexp(1.0, step_exponent_)) {}
+
+Lattice::Outcome Lattice::snap(Triangle& t) {
+  if (!active_) {
+    return Outcome::kept;
+  }
+  for (Vec3f& corner : t.v) {
+    double square = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double steps = std::nearbyint(corner[axis] / step_);
+      if (std::abs(steps) > kMostSteps) {
+        return Outcome::out_of_range;
       }
-      result.max_displacement = std::max(result.max_displacement, std::sqrt(square));
+      // Exact: where float32 is coarser than the step, the coordinate was a multiple already. Zero has no sign.
+      const auto snapped = static_cast<float>(steps * step_ + 0.0);
+      const double moved = double(snapped) - corner[axis];
+      square += moved * moved;
+      corner[axis] = snapped;
+    }
+    max_displacement_ = std::max(max_displacement_, std::sqrt(square));
+  }
+  return degenerate(t) ? Outcome::degenerate : Outcome::kept;
+}
+
+Status Lattice::out_of_range(const Triangle& t) const {
+  float most = 0;
+  for (const Vec3f& corner : t.v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      most = std::abs(corner[axis]) > std::abs(most) ? corner[axis] : most;
     }
   }
-  const auto kept = std::remove_if(triangles.begin(), triangles.end(), degenerate);
-  result.dropped_degenerate = static_cast<std::uint64_t>(triangles.end() - kept);
-  triangles.erase(kept, triangles.end());
+  return {ErrorCode::invalid_argument, "a lattice step of " + std::to_string(step_) + " puts the coordinate " +
+                                           std::to_string(most) + " more than 2^31 steps from zero; use a larger step"};
+}
+
+Result<LatticeResult> snap_to_lattice(const PositionsRequest& request, std::vector<Triangle>& triangles) {
+  Aabb box;
+  for (const Triangle& t : triangles) {
+    box.grow(bounds(t));
+  }
+  Lattice lattice(request, box);
+  std::size_t kept = 0;
+  for (Triangle& t : triangles) {
+    const Lattice::Outcome outcome = lattice.snap(t);
+    if (outcome == Lattice::Outcome::out_of_range) {
+      return lattice.out_of_range(t);
+    }
+    if (outcome == Lattice::Outcome::kept) {
+      triangles[kept++] = t;
+    }
+  }
+  LatticeResult result{lattice.step_exponent(), lattice.max_displacement(), triangles.size() - kept};
+  triangles.resize(kept);
   return result;
 }
 

@@ -135,10 +135,8 @@ class Planner {
       const WideNode& node = tree_.nodes[i];
       double bytes = cost_.node_bytes;
       for (unsigned slot = 0; slot < tree_.width; ++slot) {
-        if (node.has(slot)) {
-          bytes += node.is_leaf(slot) ? node.count[slot] * (cost_.triangle_bytes + 0.6 * cost_.vertex_bytes)
-                                      : subtree_bytes_[node.child[slot]];
-        }
+        bytes += node.count[slot] * (cost_.triangle_bytes + 0.6 * cost_.vertex_bytes);
+        bytes += node.is_inner(slot) ? subtree_bytes_[node.child[slot]] : 0;
       }
       subtree_bytes_[i] = bytes;
     }
@@ -231,7 +229,7 @@ class Planner {
         if (!node.has(slot)) {
           continue;
         }
-        one_page = !node.is_leaf(slot) && plan_.page_of[node.child[slot]] != kUnplaced &&
+        one_page = node.is_inner(slot) && plan_.page_of[node.child[slot]] != kUnplaced &&
                    (page == kUnplaced || page == plan_.page_of[node.child[slot]]);
         page = one_page ? plan_.page_of[node.child[slot]] : page;
       }
@@ -265,7 +263,7 @@ class Planner {
         treelet.push_back(index);
         const WideNode& node = tree_.nodes[index];
         for (unsigned slot = 0; slot < tree_.width; ++slot) {
-          if (node.has(slot) && !node.is_leaf(slot) && is_top_[node.child[slot]]) {
+          if (node.is_inner(slot) && is_top_[node.child[slot]]) {
             frontier.emplace(node.boxes[slot].half_area(), node.child[slot]);
           }
         }
@@ -279,11 +277,15 @@ class Planner {
     first_top_page_ = plan_.pages.size() - (plan_.pages.back().empty() ? 1 : 0);
   }
 
-  // The top part stands first in the file; pages that stayed empty go.
+  // The root's page stands first, then the other pages of the top part; pages that stayed empty go.
   void order_pages() {
     const auto top = plan_.pages.begin() + static_cast<std::ptrdiff_t>(first_top_page_);
     std::rotate(plan_.pages.begin(), top, plan_.pages.end());
     std::erase_if(plan_.pages, [](const auto& page) { return page.empty(); });
+    const auto root = std::find_if(plan_.pages.begin(), plan_.pages.end(), [](const auto& page) {
+      return std::find(page.begin(), page.end(), 0U) != page.end();
+    });
+    std::rotate(plan_.pages.begin(), root, root + 1);
     for (std::uint32_t page = 0; page < plan_.pages.size(); ++page) {
       std::sort(plan_.pages[page].begin(), plan_.pages[page].end());
       for (const std::uint32_t node : plan_.pages[page]) {

@@ -21,7 +21,7 @@ namespace raymill::storage {
 /// Decoded bytes of each thing that a page holds; given by the page format.
 struct PageCost {
   std::uint32_t page_bytes = 0;      ///< limit
-  std::uint32_t header_bytes = 0;    ///< fixed part, alignment of all arrays included
+  std::uint32_t header_bytes = 0;    ///< fixed part: alignment of all arrays, and ghosts of the nodes above the tree
   std::uint32_t node_bytes = 0;      ///< a node or a ghost
   std::uint32_t external_bytes = 0;  ///< a reference to a node of another page
   std::uint32_t triangle_bytes = 0;  ///< without its vertices
@@ -32,8 +32,9 @@ struct PageCost {
 constexpr std::uint32_t kTreeletsPerPage = 8;
 
 struct PagePlan {
-  std::vector<std::vector<std::uint32_t>> pages;  ///< node indices; nodes of one page in depth-first order
-  std::vector<std::uint32_t> page_of;             ///< for each node
+  /// Node indices; nodes of one page in depth-first order. The tree's root is the first node of page 0.
+  std::vector<std::vector<std::uint32_t>> pages;
+  std::vector<std::uint32_t> page_of;  ///< for each node
 };
 
 /// Errors: invalid_argument when the page limit cannot hold a single node with its leaves and escape table.

@@ -1,10 +1,14 @@
-// Building and looking into stores: what `raymill build`, `verify` and `inspect` do, as calls. Public.
+// Making stores and looking into them: what `raymill build`, `verify` and `inspect` do, as calls. Public.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "storage/base/ledger.h"
@@ -22,8 +26,8 @@ struct BuildConfig {
   unsigned width = 8;                 ///< children of a node: 4 or 8
   std::uint32_t page_bytes = 64 << 10;  ///< decoded size limit of a page, 16 KiB to 1 MiB
   unsigned threads = 0;                 ///< 0: one for each core; the bytes of the store do not depend on it
-  /// Called now and then from the building thread with a phase ("import", "build", "write") and a fraction in [0,1];
-  /// returns false to stop the build (interrupted).
+  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build") and a fraction in
+  /// [0,1]; returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress;
 };
 
@@ -35,18 +39,59 @@ struct BuildReport {
   std::uint64_t store_bytes = 0;
   std::uint64_t decoded_bytes = 0;
   std::uint32_t levels = 0;
-  double sah_cost = 0;          ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
-  double max_displacement = 0;  ///< of a vertex by the lattice, scene units; 0 for float32
+  double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
+  double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
+  std::uint64_t runs = 0;             ///< parts of the scene that were built one by one
+  unsigned runs_at_once = 0;          ///< as memory and threads allowed
+  std::uint64_t temporary_bytes = 0;  ///< of the nameless temporary file at its largest; 0: none was needed
+  std::string temporary_folder;       ///< where it stood
   double import_seconds = 0;
+  double partition_seconds = 0;
   double build_seconds = 0;
-  double write_seconds = 0;
   std::uint64_t peak_rss_bytes = 0;
   std::string import_json;
 };
 
 /// Errors: not_found, io, disk_full, bad_scene, unsupported, invalid_argument, budget_exceeded, interrupted.
-/// On any error nothing is left at `output` that was not there before.
+/// On any error nothing is left at `output` that was not there before. Scenes larger than `memory` go through a
+/// temporary file beside the output, about 44 bytes a triangle; it has no name and ends with the process.
 Result<BuildReport> build(const BuildConfig& config);
+
+/// Triangles in the caller's memory; read during the call only.
+struct MeshView {
+  std::string_view name;                   ///< what `info` calls the geometry
+  std::span<const float> positions;        ///< [3 * vertex_count] x, y, z
+  std::span<const std::uint32_t> indices;  ///< [3 * triangle_count]; empty: each three vertices are a triangle
+  /// Column-major; applied in float64 and rounded once. Left out: positions are in world space and kept bit for bit.
+  std::optional<std::array<double, 16>> world_from_mesh;
+};
+
+/// Streams meshes from any pipeline into a store, under the same memory limit and with the same result as build().
+///
+///   auto writer = StoreWriter::create({.output = "x.mill", .memory = gibibytes(1)});
+///   writer->add({.name = "hull", .positions = xyz, .indices = corners});   // geometry 0, then 1, 2, ...
+///   auto report = writer->finish();
+///
+/// Destruction without finish() leaves nothing behind. Thread-compatible.
+class StoreWriter {
+ public:
+  /// `config.scenes` must be empty. Errors: invalid_argument, budget_exceeded, not_found, disk_full, io.
+  static Result<StoreWriter> create(const BuildConfig& config);
+  StoreWriter(StoreWriter&&) noexcept;
+  StoreWriter& operator=(StoreWriter&&) noexcept;
+  ~StoreWriter();
+
+  /// Adds a geometry: the next geometry_id; primitive_id counts its triangles, dropped ones included.
+  /// Errors: invalid_argument (nothing was added), disk_full, io, interrupted (the writer is done for).
+  Status add(const MeshView& mesh);
+  /// Builds the store and gives it its name. Errors: those of build(). Call once.
+  Result<BuildReport> finish();
+
+ private:
+  class Impl;
+  explicit StoreWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
 
 struct VerifyReport {
   std::uint64_t pages = 0;

@@ -92,15 +92,17 @@ Status StoreFile::load(Ledger& ledger) {
   if (checksum(bytes) != footer_.directory_checksum) {
     return fault({ErrorCode::checksum_mismatch, "has a damaged page directory; restore or rebuild it"});
   }
-  std::uint64_t offset = sizeof(StoreHeader);
+  std::uint64_t all_bytes = 0;
   for (const PageEntry& entry : directory_) {
-    if (entry.offset != offset || entry.encoded_bytes > footer_.max_encoded_bytes ||
-        entry.encoded_bytes > footer_.metadata_offset - offset || entry.decoded_bytes > header_.page_bytes) {
+    if (entry.offset < sizeof(StoreHeader) || entry.offset > footer_.metadata_offset ||
+        entry.encoded_bytes > footer_.max_encoded_bytes ||
+        entry.encoded_bytes > footer_.metadata_offset - entry.offset || entry.decoded_bytes > header_.page_bytes) {
       return fault({ErrorCode::corrupt, "has a page directory that does not fit the file; build it again"});
     }
-    offset += entry.encoded_bytes;
+    all_bytes += entry.encoded_bytes;
   }
-  if (offset != footer_.metadata_offset) {
+  // Pages stand in any order. Two that overlap are told apart by their checksums.
+  if (all_bytes != footer_.metadata_offset - sizeof(StoreHeader)) {
     return fault({ErrorCode::corrupt, "has bytes that no page owns; build it again"});
   }
   return {};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstring>
+#include <deque>
 #include <map>
 #include <string>
 #include <unordered_map>
@@ -17,15 +18,21 @@ namespace {
 template <int N>
 class Assembly {
  public:
-  Assembly(const WideTree& tree, const PagePlan& plan, const std::vector<std::uint16_t>& local_index,
-           std::uint32_t page)
-      : tree_(tree), plan_(plan), local_index_(local_index), page_(page), locals_(plan.pages[page]) {}
+  Assembly(const PageAssembler& assembler, const WideTree& tree, const PagePlan& plan, const TreePlace& place,
+           const std::vector<std::uint16_t>& local_index, std::uint32_t page)
+      : assembler_(assembler),
+        tree_(tree),
+        plan_(plan),
+        place_(place),
+        local_index_(local_index),
+        page_(page),
+        locals_(plan.pages[page]) {}
 
   Result<PageBuffer> run() {
     find_ghosts();
     nodes_.resize(locals_.size() + ghosts_.size());
     for (std::size_t i = 0; i < nodes_.size(); ++i) {
-      RAYMILL_RETURN_IF_ERROR(fill(i));
+      RAYMILL_RETURN_IF_ERROR(i < locals_.size() ? fill_local(i) : fill_ghost(i));
     }
     return write();
   }
@@ -33,7 +40,8 @@ class Assembly {
  private:
   [[nodiscard]] bool is_local(std::uint32_t node) const { return plan_.page_of[node] == page_; }
 
-  // Ancestors of the page's nodes that stand elsewhere, nearest to the root first.
+  // Nodes above the page's nodes that stand elsewhere, nearest to the scene's root first: those above the tree, then
+  // the tree's own.
   void find_ghosts() {
     for (const std::uint32_t local : locals_) {
       for (std::uint32_t node = local; node != 0;) {
@@ -43,59 +51,87 @@ class Assembly {
         }
       }
     }
+    for (std::size_t i = 0; i < place_.ancestors.size(); ++i) {
+      ghosts_.push_back({&place_.ancestors[i], i == 0 ? kNoParent : ghost_number(i - 1)});
+    }
     for (auto& [node, index] : ghost_index_) {
-      index = static_cast<std::uint16_t>(locals_.size() + ghosts_.size());
-      ghosts_.push_back(node);
+      index = ghost_number(ghosts_.size());
+      own_ghosts_.push_back(assembler_.outer_node(node));
+      ghosts_.push_back({nullptr, kNoParent});
+    }
+    std::size_t own = place_.ancestors.size();
+    for (const auto& [node, index] : ghost_index_) {
+      ghosts_[own] = {&own_ghosts_[own - place_.ancestors.size()], parent_here(node)};
+      ++own;
     }
   }
 
+  [[nodiscard]] std::uint16_t ghost_number(std::size_t ghost) const {
+    return static_cast<std::uint16_t>(locals_.size() + ghost);
+  }
   [[nodiscard]] std::uint16_t index_here(std::uint32_t node) const {
     return is_local(node) ? local_index_[node] : ghost_index_.at(node);
   }
+  [[nodiscard]] std::uint16_t parent_here(std::uint32_t node) const {
+    if (node != 0) {
+      return index_here(tree_.nodes[node].parent);
+    }
+    return place_.ancestors.empty() ? kNoParent : ghost_number(place_.ancestors.size() - 1);
+  }
 
-  Status fill(std::size_t i) {
-    const bool ghost = i >= locals_.size();
-    const std::uint32_t index = ghost ? ghosts_[i - locals_.size()] : locals_[i];
-    const WideNode& source = tree_.nodes[index];
-    Node<N>& node = nodes_[i];
+  static void copy_fixed(const WideNode& source, Node<N>& node) {
     node.level = source.level;
-    node.parent = index == 0 ? kNoParent : index_here(source.parent);
     node.valid = source.valid;
     node.order = source.order;
+  }
+
+  Status fill_ghost(std::size_t i) {
+    const Ghost& ghost = ghosts_[i - locals_.size()];
+    Node<N>& node = nodes_[i];
+    copy_fixed(ghost.source->node, node);
+    node.parent = ghost.parent;
+    for (unsigned slot = 0; slot < N; ++slot) {
+      if (ghost.source->node.has(slot)) {
+        refer(node, slot, ghost.source->children[slot]);
+      }
+    }
+    return fill_boxes(node, ghost.source->node);
+  }
+
+  Status fill_local(std::size_t i) {
+    const std::uint32_t index = locals_[i];
+    const WideNode& source = tree_.nodes[index];
+    Node<N>& node = nodes_[i];
+    copy_fixed(source, node);
+    node.parent = parent_here(index);
     for (unsigned slot = 0; slot < N; ++slot) {
       if (source.has(slot)) {
-        fill_child(node, index, slot, ghost);
+        fill_child(node, index, slot);
       }
     }
     return fill_boxes(node, source);
   }
 
-  void fill_child(Node<N>& node, std::uint32_t index, unsigned slot, bool ghost) {
+  void refer(Node<N>& node, unsigned slot, const ExternalRef& ref) {
+    node.external = static_cast<std::uint8_t>(node.external | 1U << slot);
+    node.child[slot] = static_cast<std::uint16_t>(externals_.size());
+    externals_.push_back(ref);
+  }
+
+  void fill_child(Node<N>& node, std::uint32_t index, unsigned slot) {
     const WideNode& source = tree_.nodes[index];
-    const auto bit = static_cast<std::uint8_t>(1U << slot);
-    if (!ghost && source.is_leaf(slot)) {
-      node.leaf |= bit;
+    if (source.is_leaf(slot)) {
+      node.leaf = static_cast<std::uint8_t>(node.leaf | 1U << slot);
       node.count[slot] = source.count[slot];
       node.child[slot] = static_cast<std::uint16_t>(triangles_.size());
       for (std::uint32_t t = source.child[slot]; t < source.child[slot] + source.count[slot]; ++t) {
         triangles_.push_back(t);
       }
-      return;
-    }
-    if (!ghost && is_local(source.child[slot])) {
+    } else if (source.is_inner(slot) && is_local(source.child[slot])) {
       node.child[slot] = local_index_[source.child[slot]];
-      return;
-    }
-    node.external |= bit;
-    node.child[slot] = static_cast<std::uint16_t>(externals_.size());
-    ExternalRef ref;
-    if (source.is_leaf(slot)) {
-      ref = {plan_.page_of[index], local_index_[index], static_cast<std::uint8_t>(slot), ExternalKind::leaf};
     } else {
-      const std::uint32_t child = source.child[slot];
-      ref = {plan_.page_of[child], local_index_[child], 0, ExternalKind::node};
+      refer(node, slot, assembler_.reference_to(index, slot));
     }
-    externals_.push_back(ref);
   }
 
   Status fill_boxes(Node<N>& node, const WideNode& source) {
@@ -183,12 +219,20 @@ class Assembly {
     }
   }
 
+  struct Ghost {
+    const OuterNode* source;
+    std::uint16_t parent;
+  };
+
+  const PageAssembler& assembler_;
   const WideTree& tree_;
   const PagePlan& plan_;
+  const TreePlace& place_;
   const std::vector<std::uint16_t>& local_index_;
   const std::uint32_t page_;
   const std::vector<std::uint32_t>& locals_;
-  std::vector<std::uint32_t> ghosts_;
+  std::vector<Ghost> ghosts_;
+  std::deque<OuterNode> own_ghosts_;  // of this tree
   std::map<std::uint32_t, std::uint16_t> ghost_index_;
   std::vector<Node<N>> nodes_;
   std::vector<ExternalRef> externals_;
@@ -239,20 +283,21 @@ Status check_boxes_of(const PageView& view) {
 
 }  // namespace
 
-PageCost page_cost(unsigned width, std::uint32_t page_bytes) {
+PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors) {
   PageCost cost;
   cost.page_bytes = page_bytes;
-  cost.header_bytes = sizeof(PageHeader) + 8 * kPageAlignment;
   cost.node_bytes = node_bytes(width);
   cost.external_bytes = sizeof(ExternalRef);
+  cost.header_bytes = static_cast<std::uint32_t>(sizeof(PageHeader) + 8 * kPageAlignment +
+                                                 ancestors * (cost.node_bytes + width * cost.external_bytes));
   cost.triangle_bytes = 3 * sizeof(std::uint16_t) + sizeof(std::uint32_t) + sizeof(std::uint16_t);
   cost.vertex_bytes = sizeof(Vec3f);
   cost.geometry_bytes = sizeof(std::uint32_t);
   return cost;
 }
 
-PageAssembler::PageAssembler(const WideTree& tree, const PagePlan& plan)
-    : tree_(tree), plan_(plan), local_index_(tree.nodes.size()) {
+PageAssembler::PageAssembler(const WideTree& tree, const PagePlan& plan, const TreePlace& place)
+    : tree_(tree), plan_(plan), place_(place), local_index_(tree.nodes.size()) {
   for (const auto& page : plan.pages) {
     for (std::size_t i = 0; i < page.size(); ++i) {
       local_index_[page[i]] = static_cast<std::uint16_t>(i);
@@ -260,9 +305,32 @@ PageAssembler::PageAssembler(const WideTree& tree, const PagePlan& plan)
   }
 }
 
+ExternalRef PageAssembler::reference_to(std::uint32_t node, unsigned slot) const {
+  const WideNode& source = tree_.nodes[node];
+  if (source.is_leaf(slot)) {
+    return {place_.numbers.of(plan_.page_of[node]), local_index_[node], static_cast<std::uint8_t>(slot),
+            ExternalKind::leaf};
+  }
+  const std::uint32_t child = source.child[slot];
+  if (source.is_outer(slot)) {
+    return {(*place_.run_root_pages)[child], 0, 0, ExternalKind::node};
+  }
+  return {place_.numbers.of(plan_.page_of[child]), local_index_[child], 0, ExternalKind::node};
+}
+
+OuterNode PageAssembler::outer_node(std::uint32_t node) const {
+  OuterNode outer{tree_.nodes[node], {}};
+  for (unsigned slot = 0; slot < tree_.width; ++slot) {
+    if (outer.node.has(slot)) {
+      outer.children[slot] = reference_to(node, slot);
+    }
+  }
+  return outer;
+}
+
 Result<PageBuffer> PageAssembler::assemble(std::uint32_t page) const {
-  return tree_.width == 8 ? Assembly<8>(tree_, plan_, local_index_, page).run()
-                          : Assembly<4>(tree_, plan_, local_index_, page).run();
+  return tree_.width == 8 ? Assembly<8>(*this, tree_, plan_, place_, local_index_, page).run()
+                          : Assembly<4>(*this, tree_, plan_, place_, local_index_, page).run();
 }
 
 Status check_boxes(const std::byte* image) {

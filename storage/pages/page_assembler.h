@@ -2,6 +2,7 @@
 // Immutable after construction; assemble() is thread-safe.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -10,16 +11,44 @@
 #include "storage/base/status.h"
 #include "storage/build/page_plan.h"
 #include "storage/build/wide_tree.h"
+#include "storage/pages/page_image.h"
 
 namespace raymill::storage {
 
-/// What each thing costs in the decoded page, for plan_pages.
-PageCost page_cost(unsigned width, std::uint32_t page_bytes);
+/// What each thing costs in the decoded page, for plan_pages. `ancestors`: nodes above the tree, which each page
+/// copies.
+PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0);
+
+/// A node above the tree that is assembled: what its ghosts in the tree's pages are made of.
+struct OuterNode {
+  WideNode node;
+  std::array<ExternalRef, kMaxWidth> children;  ///< for each slot that holds a child
+};
+
+/// The ids that a tree's pages have in the store. The root's page is numbered on its own, so that it can be referred to
+/// before the tree is built.
+struct PageNumbers {
+  std::uint32_t root = 0;
+  std::uint32_t others = 1;  ///< of the plan's page 1; the rest follow
+  [[nodiscard]] std::uint32_t of(std::uint32_t page) const { return page == 0 ? root : others + page - 1; }
+};
+
+/// Where a tree stands in the store.
+struct TreePlace {
+  std::vector<OuterNode> ancestors;  ///< of the tree's root; the scene's root first
+  PageNumbers numbers;
+  const std::vector<std::uint32_t>* run_root_pages = nullptr;  ///< [run]: where an outer child's root is node 0
+};
 
 class PageAssembler {
  public:
-  /// Both must outlive the assembler.
-  PageAssembler(const WideTree& tree, const PagePlan& plan);
+  /// All must outlive the assembler.
+  PageAssembler(const WideTree& tree, const PagePlan& plan, const TreePlace& place);
+
+  /// How other pages refer to a node's child.
+  [[nodiscard]] ExternalRef reference_to(std::uint32_t node, unsigned slot) const;
+  /// What ghosts of a node are made of.
+  [[nodiscard]] OuterNode outer_node(std::uint32_t node) const;
 
   /// The page's image. Errors: internal, when a quantised box would not hold its triangles.
   [[nodiscard]] Result<PageBuffer> assemble(std::uint32_t page) const;
@@ -27,6 +56,7 @@ class PageAssembler {
  private:
   const WideTree& tree_;
   const PagePlan& plan_;
+  const TreePlace& place_;
   std::vector<std::uint16_t> local_index_;  // of each node in its page
 };
 

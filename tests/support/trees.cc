@@ -10,12 +10,13 @@
 
 namespace raymill::tests {
 
-storage::WideTree build_tree(const Scene& scene, unsigned width, unsigned threads) {
-  storage::Ledger ledger(gibibytes(8));
+storage::WideTree build_tree(const Scene& scene, unsigned width) {
+  const auto device = storage::EmbreeDevice::create();
+  EXPECT_TRUE(device.ok()) << device.status().message();
   std::vector<Triangle> triangles = triangles_of(scene);
-  auto binary = storage::build_binary_tree(triangles, threads, ledger);
+  auto binary = storage::build_binary_tree(*device, triangles);
   EXPECT_TRUE(binary.ok()) << binary.status().message();
-  return storage::collapse(*binary, std::move(triangles), width, storage::max_levels(width));
+  return storage::collapse(*binary, std::move(triangles), width, {0, storage::max_levels(width)});
 }
 
 Pages build_pages(const Scene& scene, unsigned width, std::uint32_t page_bytes) {
@@ -23,7 +24,8 @@ Pages build_pages(const Scene& scene, unsigned width, std::uint32_t page_bytes) 
   auto plan = storage::plan_pages(pages.tree, storage::page_cost(width, page_bytes));
   EXPECT_TRUE(plan.ok()) << plan.status().message();
   pages.plan = std::move(*plan);
-  const storage::PageAssembler assembler(pages.tree, pages.plan);
+  const storage::TreePlace place;
+  const storage::PageAssembler assembler(pages.tree, pages.plan, place);
   for (std::uint32_t page = 0; page < pages.plan.pages.size(); ++page) {
     auto image = assembler.assemble(page);
     EXPECT_TRUE(image.ok()) << image.status().message();

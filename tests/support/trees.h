@@ -11,7 +11,7 @@
 
 namespace raymill::tests {
 
-storage::WideTree build_tree(const Scene& scene, unsigned width, unsigned threads = 1);
+storage::WideTree build_tree(const Scene& scene, unsigned width);
 
 struct Pages {
   storage::WideTree tree;

@@ -27,7 +27,8 @@ void check(const WideTree& tree, const PagePlan& plan, std::uint32_t page_bytes,
     }
   }
   EXPECT_TRUE(std::all_of(placed.begin(), placed.end(), [](int n) { return n == 1; })) << why;
-  const PageAssembler assembler(tree, plan);
+  const TreePlace place;
+  const PageAssembler assembler(tree, plan, place);
   for (std::uint32_t page = 0; page < plan.pages.size(); ++page) {
     const auto image = assembler.assemble(page);
     ASSERT_TRUE(image) << why << ": " << image.status().message();
@@ -78,7 +79,8 @@ TEST(PagePlan, PagesAreFull) {
   const WideTree tree = tests::build_tree({tests::grid(120, 0.2F)}, 8);
   const auto plan = plan_pages(tree, page_cost(8, 64u << 10));
   ASSERT_TRUE(plan);
-  const PageAssembler assembler(tree, *plan);
+  const TreePlace place;
+  const PageAssembler assembler(tree, *plan, place);
   std::uint64_t bytes = 0;
   for (std::uint32_t page = 0; page < plan->pages.size(); ++page) {
     bytes += assembler.assemble(page)->size();

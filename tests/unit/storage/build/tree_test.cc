@@ -133,12 +133,13 @@ INSTANTIATE_TEST_SUITE_P(Scenes, TreeOf, testing::Range(std::size_t{0}, cases().
 TEST(Collapse, AnyLevelLimitThatABalancedTreeMeetsIsMet) {
   const Scene scene{tests::nested_shells(2000)};
   std::vector<Triangle> triangles = tests::triangles_of(scene);
-  Ledger ledger(gibibytes(4));
-  const auto binary = build_binary_tree(triangles, 1, ledger);
+  const auto device = EmbreeDevice::create();
+  ASSERT_TRUE(device);
+  const auto binary = build_binary_tree(*device, triangles);
   ASSERT_TRUE(binary);
   for (const unsigned width : {4u, 8u}) {
     for (unsigned limit = balanced_levels(2000, width); limit <= max_levels(width); ++limit) {
-      const WideTree tree = collapse(*binary, triangles, width, limit);
+      const WideTree tree = collapse(*binary, triangles, width, {0, limit});
       EXPECT_LE(tree.levels, limit);
       check(tree, tests::triangles_of(scene), "limit " + std::to_string(limit));
     }
@@ -161,33 +162,6 @@ TEST(Collapse, FlatSceneCostsNoMoreThanItsSlabs) {
   const WideTree tree = tests::build_tree({tests::grid(64, 0)}, 8);
   EXPECT_GT(tree.sah_cost(), 1);
   EXPECT_LT(tree.sah_cost(), 64) << "a regular grid of 8192 triangles";
-}
-
-TEST(BinaryTree, IsTheSameForEveryNumberOfThreads) {
-  Random random(8);
-  // More than one run, so that runs are really built side by side.
-  const Scene scene{tests::soup(random, kRunTriangles + 20000, 0.01F)};
-  Ledger ledger(gibibytes(8));
-  std::vector<Triangle> one = tests::triangles_of(scene), four = one;
-  const auto first = build_binary_tree(one, 1, ledger), second = build_binary_tree(four, 4, ledger);
-  ASSERT_TRUE(first && second);
-  ASSERT_EQ(first->nodes.size(), second->nodes.size());
-  EXPECT_EQ(std::memcmp(one.data(), four.data(), one.size() * sizeof one[0]), 0) << "leaf order";
-  for (std::size_t i = 0; i < first->nodes.size(); ++i) {
-    const BinaryNode& a = first->nodes[i];
-    const BinaryNode& b = second->nodes[i];
-    ASSERT_TRUE(a.box == b.box && a.left == b.left && a.right == b.right && a.count == b.count) << "node " << i;
-  }
-}
-
-TEST(BinaryTree, ClaimsItsMemoryAndGivesItBack) {
-  Random random(9);
-  std::vector<Triangle> triangles = tests::triangles_of({tests::soup(random, 1000)});
-  Ledger small(binary_tree_build_bytes(1000, 1) - 1);
-  EXPECT_EQ(build_binary_tree(triangles, 1, small).status().code(), ErrorCode::budget_exceeded);
-  Ledger enough(binary_tree_build_bytes(1000, 1));
-  EXPECT_TRUE(build_binary_tree(triangles, 1, enough));
-  EXPECT_EQ(enough.free_bytes(), enough.budget_bytes());
 }
 
 }  // namespace

@@ -103,7 +103,7 @@ TEST(Build, StoppedBuildLeavesTheOldStoreAndNothingElse) {
   const std::string path = tests::build_store(folder, "scene.mill", {tests::grid(3)});
   const std::string before = tests::read_file(path);
   const std::size_t files = folder.files();
-  for (const std::string stop_at : {"import", "build", "write"}) {
+  for (const std::string stop_at : {"import", "partition", "build"}) {
     BuildConfig config = tests::small_pages();
     config.scenes = {folder / "scene.mill.glb"};
     config.output = path;
@@ -133,7 +133,7 @@ TEST(Build, ProgressRisesThroughItsPhases) {
     return true;
   };
   ASSERT_TRUE(build(config));
-  EXPECT_EQ(phases, (std::vector<std::string>{"import", "build", "write"}));
+  EXPECT_EQ(phases, (std::vector<std::string>{"import", "partition", "build"}));
 }
 
 TEST(Build, SeveralFilesNumberTheirGeometriesOn) {

@@ -1,4 +1,4 @@
-#include "storage/io/store_writer.h"
+#include "storage/io/store_file_writer.h"
 
 #include <zstd.h>
 
@@ -18,27 +18,29 @@ std::span<const std::byte> bytes_of(const T& value) {
 
 }  // namespace
 
-Result<StoreWriter> StoreWriter::create(const std::string& path, StoreHeader header) {
+Result<StoreFileWriter> StoreFileWriter::create(const std::string& path, StoreHeader header) {
   seal(header);
   RAYMILL_ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
-  StoreWriter writer(std::move(file), header);
+  StoreFileWriter writer(std::move(file), header);
   RAYMILL_RETURN_IF_ERROR(writer.file_.write(bytes_of(writer.header_)));
   return writer;
 }
 
-Status StoreWriter::add_page(std::span<const std::byte> encoded, std::uint32_t decoded_bytes) {
-  PageEntry entry;
+Status StoreFileWriter::add_page(PageId page, std::span<const std::byte> encoded, std::uint32_t decoded_bytes) {
+  if (index_of(page) >= directory_.size()) {
+    directory_.resize(index_of(page) + std::size_t{1});
+  }
+  PageEntry& entry = directory_[index_of(page)];
   entry.offset = file_.written_bytes();
   entry.checksum = checksum(encoded);
   entry.encoded_bytes = static_cast<std::uint32_t>(encoded.size());
   entry.decoded_bytes = decoded_bytes;
-  directory_.push_back(entry);
   decoded_bytes_ += decoded_bytes;
   max_encoded_bytes_ = std::max(max_encoded_bytes_, entry.encoded_bytes);
   return file_.write(encoded);
 }
 
-Status StoreWriter::finish(StoreFooter footer, const std::string& metadata_json) {
+Status StoreFileWriter::finish(StoreFooter footer, const std::string& metadata_json) {
   std::vector<std::byte> metadata(ZSTD_compressBound(metadata_json.size()));
   metadata.resize(
       ZSTD_compress(metadata.data(), metadata.size(), metadata_json.data(), metadata_json.size(), kMetadataLevel));

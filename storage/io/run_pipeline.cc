@@ -1,0 +1,190 @@
+#include "storage/io/run_pipeline.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "storage/build/collapse.h"
+#include "storage/build/triangle_bucket.h"
+
+namespace raymill::storage {
+
+std::uint64_t run_build_bytes(std::uint64_t triangles, unsigned page_threads, std::uint32_t page_bytes) {
+  // The binary tree's build is the peak; the wide tree, the plan and the encoded pages that follow it are smaller. A
+  // page under way: its image, its streams and what the encoder makes of them.
+  constexpr std::uint64_t kFixedBytes = 1 << 20;
+  return kFixedBytes + triangles * sizeof(Triangle) + binary_tree_build_bytes(triangles) +
+         std::uint64_t(page_threads) * page_bytes * 6;
+}
+
+// A run on its way through the stages.
+struct RunPipeline::Run {
+  std::uint32_t index = 0;
+  Status status;
+  WideTree tree;
+  PagePlan plan;
+  TreePlace place;
+  std::vector<EncodedPage> pages;
+};
+
+RunPipeline::RunPipeline(const Config& config, BlockStore& blocks, const Partition& partition, const TopTree& top,
+                         StoreFileWriter& writer)
+    : config_(config), blocks_(blocks), partition_(partition), top_(top), writer_(writer) {}
+
+Status RunPipeline::run() {
+  RAYMILL_ASSIGN_OR_RETURN(EmbreeDevice device, EmbreeDevice::create());
+  device_.emplace(std::move(device));
+  RAYMILL_RETURN_IF_ERROR(write_top());
+  Status failure;                    // of the last stage, which is serial
+  std::atomic<bool> failed = false;  // for the first: a run too many is started at worst
+  std::uint32_t next = 0;
+  using Item = std::shared_ptr<Run>;
+  const auto first = tbb::make_filter<void, Item>(tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+    if (failed || next == partition_.runs.size()) {
+      control.stop();
+      return Item();
+    }
+    auto item = std::make_shared<Run>();
+    item->index = next++;
+    return item;
+  });
+  const auto building = tbb::make_filter<Item, Item>(tbb::filter_mode::parallel, [&](const Item& item) {
+    build(*item);
+    return item;
+  });
+  const auto numbering = tbb::make_filter<Item, Item>(tbb::filter_mode::serial_in_order, [&](const Item& item) {
+    if (item->status.ok()) {
+      number(*item);
+    }
+    return item;
+  });
+  const auto encoding = tbb::make_filter<Item, Item>(tbb::filter_mode::parallel, [&](const Item& item) {
+    if (item->status.ok()) {
+      encode(*item);
+    }
+    return item;
+  });
+  const auto writing = tbb::make_filter<Item, void>(tbb::filter_mode::serial_in_order, [&](const Item& item) {
+    if (failure.ok()) {
+      failure = item->status.ok() ? write(*item) : item->status;
+      failed = !failure.ok();
+    }
+  });
+  tbb::task_arena arena(static_cast<int>(config_.threads));
+  arena.execute(
+      [&] { tbb::parallel_pipeline(config_.runs_at_once, first & building & numbering & encoding & writing); });
+  return failure;
+}
+
+// The top tree's pages come first in the file. Their content is known before any run is built: a run's root is the
+// first node of the page that is set aside for it.
+Status RunPipeline::write_top() {
+  const auto run_count = static_cast<std::uint32_t>(partition_.runs.size());
+  PagePlan plan;
+  if (!top_.tree.nodes.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(plan, plan_pages(top_.tree, page_cost(config_.width, config_.page_bytes)));
+  }
+  const auto top_pages = static_cast<std::uint32_t>(plan.pages.size());
+  next_page_ = top_pages + run_count;
+  for (std::uint32_t run = 0; run < run_count; ++run) {
+    run_root_pages_.push_back(top_pages + run);
+  }
+  if (top_pages == 0) {
+    return {};
+  }
+  const TreePlace place{{}, {0, 1}, &run_root_pages_};
+  const PageAssembler assembler(top_.tree, plan, place);
+  for (std::uint32_t node = 0; node < top_.tree.nodes.size(); ++node) {
+    top_nodes_.push_back(assembler.outer_node(node));
+  }
+  add_to_totals(top_.tree);
+  return write_pages(encode_pages(assembler, plan.pages.size()), place.numbers);
+}
+
+TreePlace RunPipeline::place_of(std::uint32_t run) const {
+  TreePlace place;
+  if (!top_nodes_.empty()) {
+    for (std::uint32_t node = top_.places[run].parent;; node = top_.tree.nodes[node].parent) {
+      place.ancestors.push_back(top_nodes_[node]);
+      if (node == 0) {
+        break;
+      }
+    }
+    std::reverse(place.ancestors.begin(), place.ancestors.end());
+  }
+  place.numbers.root = run_root_pages_[run];
+  return place;
+}
+
+void RunPipeline::build(Run& run) const {
+  run.status = [&]() -> Status {
+    RAYMILL_ASSIGN_OR_RETURN(std::vector<Triangle> triangles, load(blocks_, partition_.runs[run.index]));
+    RAYMILL_ASSIGN_OR_RETURN(const BinaryTree binary, build_binary_tree(*device_, triangles));
+    run.tree = collapse(binary, std::move(triangles), config_.width, top_.places[run.index].levels);
+    run.place = place_of(run.index);
+    const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
+    RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, page_cost(config_.width, config_.page_bytes, ancestors)));
+    return {};
+  }();
+}
+
+void RunPipeline::number(Run& run) {
+  constexpr std::uint64_t kMostPages = std::numeric_limits<std::uint32_t>::max() - 1;
+  const std::uint64_t others = run.plan.pages.size() - 1;
+  if (next_page_ + others > kMostPages) {
+    run.status = {ErrorCode::unsupported, "the scene needs more than 2^32 pages; use a larger --page-size"};
+    return;
+  }
+  run.place.numbers.others = next_page_;
+  next_page_ += static_cast<std::uint32_t>(others);
+}
+
+void RunPipeline::encode(Run& run) const {
+  const PageAssembler assembler(run.tree, run.plan, run.place);
+  run.pages = encode_pages(assembler, run.plan.pages.size());
+}
+
+std::vector<RunPipeline::EncodedPage> RunPipeline::encode_pages(const PageAssembler& assembler,
+                                                                std::size_t count) const {
+  std::vector<EncodedPage> pages(count);
+  const auto encode_one = [&](std::size_t i) {
+    auto image = assembler.assemble(static_cast<std::uint32_t>(i));
+    pages[i].status = image ? check_boxes(image->data()) : image.status();
+    if (pages[i].status.ok()) {
+      pages[i].decoded_bytes = static_cast<std::uint32_t>(image->size());
+      pages[i].bytes = encode_page(*image, config_.codec, config_.positions);
+    }
+  };
+  // Pages of one run side by side too, for scenes of a few runs; a thread that waits here takes no other run on.
+  tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, encode_one); });
+  return pages;
+}
+
+Status RunPipeline::write_pages(const std::vector<EncodedPage>& pages, const PageNumbers& numbers) {
+  for (std::uint32_t i = 0; i < pages.size(); ++i) {
+    RAYMILL_RETURN_IF_ERROR(pages[i].status);
+    RAYMILL_RETURN_IF_ERROR(writer_.add_page(PageId{numbers.of(i)}, pages[i].bytes, pages[i].decoded_bytes));
+  }
+  return {};
+}
+
+Status RunPipeline::write(const Run& run) {
+  RAYMILL_RETURN_IF_ERROR(write_pages(run.pages, run.place.numbers));
+  add_to_totals(run.tree);
+  return config_.progress ? config_.progress(totals_.triangles) : Status();
+}
+
+void RunPipeline::add_to_totals(const WideTree& tree) {
+  totals_.triangles += tree.triangles.size();
+  totals_.nodes += tree.nodes.size();
+  totals_.levels = std::max(totals_.levels, tree.levels);
+  totals_.area_cost += tree.area_cost();
+}
+
+}  // namespace raymill::storage

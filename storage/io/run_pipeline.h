@@ -1,0 +1,89 @@
+// RunPipeline: builds the runs of a partition side by side and writes their pages in order.
+//
+//   next run (in order) -> load, tree, plan (parallel) -> number its pages (in order)
+//                       -> assemble, encode (parallel) -> write (in order)
+//
+// As many runs are under way as memory was claimed for. Thread-confined; its stages run on TBB's threads.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "storage/base/block_store.h"
+#include "storage/base/status.h"
+#include "storage/build/binary_tree.h"
+#include "storage/build/page_plan.h"
+#include "storage/build/partition.h"
+#include "storage/build/top_tree.h"
+#include "storage/io/store_file_writer.h"
+#include "storage/pages/codec.h"
+#include "storage/pages/page_assembler.h"
+
+namespace raymill::storage {
+
+/// Memory that one run takes while it is built and encoded.
+std::uint64_t run_build_bytes(std::uint64_t triangles, unsigned page_threads, std::uint32_t page_bytes);
+
+/// Sums over all trees of a store.
+struct TreeTotals {
+  std::uint64_t triangles = 0;
+  std::uint64_t nodes = 0;
+  unsigned levels = 0;
+  double area_cost = 0;
+};
+
+class RunPipeline {
+ public:
+  struct Config {
+    unsigned width = 8;
+    std::uint32_t page_bytes = 0;
+    Codec codec = Codec::zstd;
+    PositionKind positions;
+    unsigned threads = 1;
+    unsigned runs_at_once = 1;
+    /// Called after each run with the triangles written so far; an error ends the work.
+    std::function<Status(std::uint64_t triangles)> progress;
+  };
+
+  RunPipeline(const Config& config, BlockStore& blocks, const Partition& partition, const TopTree& top,
+              StoreFileWriter& writer);
+
+  /// Writes all pages. The scene's root is node 0 of page 0. The partition's blocks are freed on the way.
+  /// Errors: invalid_argument (page size), internal, disk_full, io, progress's.
+  Status run();
+  [[nodiscard]] const TreeTotals& totals() const { return totals_; }
+
+ private:
+  struct EncodedPage {
+    Status status;
+    std::vector<std::byte> bytes;
+    std::uint32_t decoded_bytes = 0;
+  };
+  struct Run;
+
+  Status write_top();
+  void build(Run& run) const;
+  void number(Run& run);
+  void encode(Run& run) const;
+  Status write(const Run& run);
+  [[nodiscard]] TreePlace place_of(std::uint32_t run) const;
+  [[nodiscard]] std::vector<EncodedPage> encode_pages(const PageAssembler& assembler, std::size_t count) const;
+  Status write_pages(const std::vector<EncodedPage>& pages, const PageNumbers& numbers);
+  void add_to_totals(const WideTree& tree);
+
+  const Config config_;
+  BlockStore& blocks_;
+  const Partition& partition_;
+  const TopTree& top_;
+  StoreFileWriter& writer_;
+  std::optional<EmbreeDevice> device_;
+  std::vector<std::uint32_t> run_root_pages_;
+  std::vector<OuterNode> top_nodes_;
+  std::uint32_t next_page_ = 0;
+  TreeTotals totals_;
+};
+
+}  // namespace raymill::storage

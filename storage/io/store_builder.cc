@@ -1,0 +1,231 @@
+#include "storage/io/store_builder.h"
+
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <thread>
+#include <utility>
+
+#include "storage/io/run_pipeline.h"
+#include "storage/io/store_metadata.h"
+
+namespace raymill::storage {
+namespace {
+
+// Libraries, stacks and the allocator's slack that come after the measurement.
+constexpr std::uint64_t kBaseSlackBytes = 8 << 20;
+constexpr std::uint32_t kLeastOpenBuckets = 8;
+constexpr std::uint32_t kMostOpenBuckets = 4096;
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+std::string folder_of(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  return slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+}
+
+}  // namespace
+
+Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
+  if (config.output.empty()) {
+    return {ErrorCode::invalid_argument, "a store needs a name to be written to"};
+  }
+  if (config.width != 4 && config.width != 8) {
+    return {ErrorCode::invalid_argument, "--width " + std::to_string(config.width) + " is neither 4 nor 8"};
+  }
+  if (config.page_bytes < kMinPageBytes || config.page_bytes > kMaxPageBytes) {
+    return {ErrorCode::invalid_argument,
+            "--page-size " + std::to_string(config.page_bytes) + " is outside 16 KiB (16384) to 1 MiB (1048576)"};
+  }
+  Plan plan;
+  const auto codec = parse_codec(config.codec);
+  if (!codec) {
+    return {ErrorCode::invalid_argument, "--codec " + config.codec + " is none of raw, lz4, zstd and draco"};
+  }
+  plan.codec = *codec;
+  RAYMILL_ASSIGN_OR_RETURN(plan.positions, parse_positions(config.positions));
+  if (plan.codec == Codec::draco && plan.positions.kind == PositionsRequest::Kind::float32) {
+    return {ErrorCode::invalid_argument,
+            "--codec draco codes integers; give a lattice too, such as --positions lattice:16b"};
+  }
+  plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
+  return plan;
+}
+
+Result<std::unique_ptr<StoreBuilder>> StoreBuilder::create(const BuildConfig& config, std::uint64_t run_triangles) {
+  RAYMILL_ASSIGN_OR_RETURN(Plan plan, check(config));
+  RAYMILL_ASSIGN_OR_RETURN(AtomicFile probe, AtomicFile::create(config.output));
+  std::unique_ptr<StoreBuilder> builder(new StoreBuilder(config, std::move(plan), run_triangles, std::move(probe)));
+  RAYMILL_RETURN_IF_ERROR(builder->claim_base());
+  return builder;
+}
+
+StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t run_triangles, AtomicFile probe)
+    : config_(config),
+      plan_(std::move(plan)),
+      run_triangles_(run_triangles),
+      probe_(std::move(probe)),
+      ledger_(config.memory),
+      blocks_(ledger_, folder_of(probe_.temporary_path())),
+      spool_(blocks_) {}
+
+Status StoreBuilder::claim_base() {
+  RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
+  // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
+  // disk at once.
+  const std::uint64_t rest = ledger_.free_bytes();
+  const std::uint64_t one_run = run_build_bytes(run_triangles_, 1, config_.page_bytes);
+  blocks_.keep_free(std::max(rest / 4, std::min(rest, one_run * plan_.threads)));
+  return {};
+}
+
+Status StoreBuilder::step(const char* phase, double fraction) const {
+  if (config_.progress && !config_.progress(phase, fraction)) {
+    return {ErrorCode::interrupted, "build stopped; nothing was written to " + config_.output};
+  }
+  return {};
+}
+
+Status StoreBuilder::add(std::span<const Triangle> triangles) {
+  for (const Triangle& t : triangles) {
+    RAYMILL_RETURN_IF_ERROR(spool_.add(t));
+  }
+  return step("import", import_fraction_);
+}
+
+Status StoreBuilder::needs(std::uint64_t triangles, std::uint64_t bytes) const {
+  return {ErrorCode::budget_exceeded, "building " + std::to_string(triangles) + " triangles needs at least " +
+                                          format_bytes(bytes) + " of memory, " + format_bytes(ledger_.budget_bytes()) +
+                                          " given; raise --memory"};
+}
+
+Result<Partition> StoreBuilder::partition(Lattice& lattice) {
+  RAYMILL_RETURN_IF_ERROR(step("partition", 0));
+  RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
+  lattice = Lattice(plan_.positions, all.box);
+  if (all.count <= run_triangles_ && !lattice.active()) {
+    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles_, kLeastOpenBuckets, {}});
+  }
+  PartitionConfig config;
+  config.run_triangles = run_triangles_;
+  config.most_open_buckets = kLeastOpenBuckets;
+  const std::uint64_t useful = all.count / run_triangles_ * 8 + 2;  // parts have an eighth of a run or more
+  while (config.most_open_buckets < std::min<std::uint64_t>(kMostOpenBuckets, useful) &&
+         partition_bytes(config.most_open_buckets * 2, all.count) <= ledger_.free_bytes()) {
+    config.most_open_buckets *= 2;
+  }
+  const std::uint64_t bytes = partition_bytes(config.most_open_buckets, all.count);
+  const Result<BudgetReservation> claim = ledger_.claim(Tag::build, bytes);
+  if (!claim) {
+    return needs(all.count, base_.bytes() + blocks_.memory_bytes() + bytes);
+  }
+  const auto total = static_cast<double>(all.count);
+  // Counted once and handed out once or twice; more only where a part is cut again.
+  config.progress = [&](std::uint64_t handled) {
+    return step("partition", std::min(1.0, double(handled) / (3 * total)));
+  };
+  return partition_triangles(blocks_, std::move(all), lattice, config);
+}
+
+StoreHeader StoreBuilder::header(const Lattice& lattice) const {
+  StoreHeader header;
+  header.features = static_cast<std::uint64_t>(Feature::triangles);
+  if (import_report_.geometries.size() > 1) {
+    header.features |= static_cast<std::uint64_t>(Feature::geometry_ids);
+  }
+  if (lattice.active()) {
+    header.features |= static_cast<std::uint64_t>(Feature::lattice);
+  }
+  header.page_bytes = config_.page_bytes;
+  header.width = static_cast<std::uint8_t>(config_.width);
+  header.codec = static_cast<std::uint8_t>(plan_.codec);
+  header.lattice = lattice.active() ? 1 : 0;
+  header.lattice_step_exponent = lattice.step_exponent();
+  return header;
+}
+
+Result<BuildReport> StoreBuilder::finish() {
+  report_.import_seconds = seconds_since(start_);
+  const auto partition_start = Clock::now();
+  Lattice lattice;
+  RAYMILL_ASSIGN_OR_RETURN(const Partition parts, partition(lattice));
+  if (parts.dropped_degenerate > 0) {
+    import_report_.counts[ImportCode::dropped_degenerate] += parts.dropped_degenerate;
+    import_report_.kept -= parts.dropped_degenerate;
+  }
+  report_.import_json = to_json(import_report_);
+  report_.max_displacement = lattice.max_displacement();
+  report_.partition_seconds = seconds_since(partition_start);
+  if (parts.runs.empty()) {
+    return {ErrorCode::bad_scene,
+            (config_.scenes.empty() ? config_.output : config_.scenes.front()) +
+                ": holds no triangle that can be hit, so there is nothing to build; see the import report for what was "
+                "dropped (" +
+                report_.import_json + ")"};
+  }
+  const auto build_start = Clock::now();
+  RAYMILL_RETURN_IF_ERROR(step("build", 0));
+  RAYMILL_ASSIGN_OR_RETURN(const TopTree top, build_top_tree(parts, config_.width));
+  RAYMILL_ASSIGN_OR_RETURN(StoreFileWriter writer, StoreFileWriter::create(config_.output, header(lattice)));
+
+  const PartitionNode& root = parts.nodes[0];
+  std::uint64_t largest_run = 0;
+  for (const TriangleBucket& run : parts.runs) {
+    largest_run = std::max(largest_run, run.count);
+  }
+  RunPipeline::Config config{config_.width,
+                             config_.page_bytes,
+                             plan_.codec,
+                             {lattice.active(), lattice.step_exponent()},
+                             plan_.threads,
+                             1,
+                             {}};
+  const std::uint64_t per_run = run_build_bytes(largest_run, plan_.threads, config_.page_bytes);
+  // The directory grows by doubling; decoded pages hold 20 bytes a triangle or more.
+  const std::uint64_t directory = 2 * sizeof(PageEntry) * (root.count * 40 / config_.page_bytes + 64);
+  // A run more than threads, so that one is read while the others are built.
+  const std::uint64_t most_runs = std::min<std::uint64_t>(parts.runs.size(), plan_.threads + 1);
+  config.runs_at_once = static_cast<unsigned>(std::clamp<std::uint64_t>(
+      (ledger_.free_bytes() - std::min(ledger_.free_bytes(), directory)) / per_run, 1, most_runs));
+  const Result<BudgetReservation> claim = ledger_.claim(Tag::build, directory + config.runs_at_once * per_run);
+  if (!claim) {
+    return needs(root.count, base_.bytes() + blocks_.memory_bytes() + directory + per_run);
+  }
+  config.progress = [&](std::uint64_t done) { return step("build", double(done) / double(root.count)); };
+  RunPipeline pipeline(config, blocks_, parts, top, writer);
+  RAYMILL_RETURN_IF_ERROR(pipeline.run());
+
+  const TreeTotals& totals = pipeline.totals();
+  StoreFooter footer;
+  footer.triangle_count = totals.triangles;
+  footer.node_count = totals.nodes;
+  footer.geometry_count = import_report_.geometries.size();
+  footer.levels = totals.levels;
+  footer.root_page = 0;
+  footer.root_node = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    footer.bounds_min[axis] = root.box.lower[static_cast<int>(axis)];
+    footer.bounds_max[axis] = root.box.upper[static_cast<int>(axis)];
+  }
+  report_.decoded_bytes = writer.decoded_bytes();
+  report_.pages = writer.page_count();
+  RAYMILL_RETURN_IF_ERROR(writer.finish(footer, metadata_json(import_report_)));
+  report_.triangles = totals.triangles;
+  report_.nodes = totals.nodes;
+  report_.levels = totals.levels;
+  report_.runs = parts.runs.size();
+  report_.runs_at_once = config.runs_at_once;
+  const double root_area = root.box.half_area();
+  report_.sah_cost = root_area > 0 ? 1 + totals.area_cost / root_area : 0;
+  report_.store_bytes = writer.written_bytes();
+  report_.temporary_bytes = blocks_.file_bytes();
+  report_.temporary_folder = blocks_.folder();
+  report_.build_seconds = seconds_since(build_start);
+  report_.peak_rss_bytes = peak_resident_bytes();
+  return report_;
+}
+
+}  // namespace raymill::storage
