@@ -23,11 +23,13 @@ constexpr std::uint64_t kThreadBytes = 96 << 10;
 
 constexpr unsigned kLeastChunkShift = 8;  // 256 rays
 constexpr unsigned kMostChunkShift = 16;  // 64 Ki rays: results come back in pieces of about a megabyte
-// Rows for each ray in flight.
-constexpr std::uint64_t kRowsPerRay = 3;
-constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinSlots) << kLeastChunkShift;
+constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinBlocks) << kLeastChunkShift;
 constexpr std::uint64_t kMostRays = std::uint64_t(1) << 23;
-static_assert(kMostRays * kRowsPerRay <= 0xFFFFFFFFu, "a ray's number has 32 bits");
+// Rows in memory for each ray in flight. Those of rays that are done while others of their chunk are not take the
+// places of stragglers, whose rows are kept apart.
+constexpr std::uint64_t rows_for(std::uint64_t rays) { return rays; }
+constexpr std::uint64_t stragglers_for(std::uint64_t rays) { return rays - rays / 4; }
+static_assert(rows_for(kMostRays) * ResultWindow::kSlotsPerBlock <= 0xFFFFFFFFu, "a ray's number has 32 bits");
 // Every field and a full bitstack.
 constexpr std::size_t kLargestRow = 36;
 constexpr std::size_t kLargestRecord = 35 + sizeof(Bitstack);
@@ -51,14 +53,27 @@ std::uint64_t frame_cost(const storage::StoreFile& store, std::uint32_t frames) 
          storage::PageCache::table_bytes(store.page_count(), frames);
 }
 
-std::uint64_t window_bytes(std::uint64_t rays, std::uint32_t page_count, std::size_t record_bytes,
-                           std::size_t row_bytes) {
-  return page_count * sizeof(RayQueue) + kRowsPerRay * rays * (row_bytes + sizeof(float)) +
+// The window of so many rays in flight.
+WindowPlan window_for(std::uint64_t rays) {
+  const std::uint64_t rows = rows_for(rays);
+  WindowPlan plan;
+  plan.most_in_flight = static_cast<std::uint32_t>(rays);
+  plan.chunk_shift =
+      std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(rows / 32)) - 1, kLeastChunkShift, kMostChunkShift);
+  plan.blocks = static_cast<std::uint32_t>(rows >> plan.chunk_shift);
+  plan.most_stragglers = static_cast<std::uint32_t>(stragglers_for(rays));
+  return plan;
+}
+
+std::uint64_t job_bytes(std::uint64_t rays, std::uint32_t page_count, std::size_t record_bytes, std::size_t row_bytes) {
+  const WindowPlan window = window_for(rays);
+  return page_count * sizeof(RayQueue) +
+         ResultWindow::bytes(window.chunk_shift, window.blocks, window.most_stragglers, row_bytes) +
          RayPool::chunks_needed(rays, page_count, record_bytes) * kRayChunkBytes;
 }
 
 std::uint64_t least_job_bytes(const storage::StoreFile& store) {
-  return window_bytes(kLeastRays, store.page_count(), kLargestRecord, kLargestRow);
+  return job_bytes(kLeastRays, store.page_count(), kLargestRecord, kLargestRow);
 }
 
 }  // namespace
@@ -90,8 +105,7 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
                              storage::PageCache::table_bytes(store.page_count(), 0);
   const std::uint64_t per_frame = frame_cost(store, 1) - storage::PageCache::table_bytes(store.page_count(), 0);
   const std::uint64_t all_frames = store.page_count() * per_frame;
-  const std::uint64_t most_job =
-      share.max_jobs * window_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
+  const std::uint64_t most_job = share.max_jobs * job_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
   std::uint64_t page_bytes = std::max(rest / 2, rest - std::min(rest, most_job));
   page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
   plan.frame_count = static_cast<std::uint32_t>(std::max<std::uint64_t>(
@@ -102,21 +116,15 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   return plan;
 }
 
-WindowPlan plan_window(std::uint64_t job_bytes, std::uint32_t page_count, std::size_t record_bytes,
-                       std::size_t row_bytes) {
+WindowPlan plan_window(std::uint64_t bytes, std::uint32_t page_count, std::size_t record_bytes, std::size_t row_bytes) {
   std::uint64_t low = kLeastRays, high = kMostRays;
   while (low < high) {
     const std::uint64_t middle = (low + high + 1) / 2;
-    (window_bytes(middle, page_count, record_bytes, row_bytes) <= job_bytes ? low : high) =
-        window_bytes(middle, page_count, record_bytes, row_bytes) <= job_bytes ? middle : middle - 1;
+    const bool fits = job_bytes(middle, page_count, record_bytes, row_bytes) <= bytes;
+    (fits ? low : high) = fits ? middle : middle - 1;
   }
-  WindowPlan plan;
-  plan.most_in_flight = static_cast<std::uint32_t>(low);
+  WindowPlan plan = window_for(low);
   plan.pool_chunks = static_cast<std::uint32_t>(RayPool::chunks_needed(low, page_count, record_bytes));
-  const std::uint64_t rows = low * kRowsPerRay;
-  plan.chunk_shift =
-      std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(rows / 32)) - 1, kLeastChunkShift, kMostChunkShift);
-  plan.slots = static_cast<std::uint32_t>(rows >> plan.chunk_shift);
   return plan;
 }
 

@@ -29,13 +29,14 @@ struct BudgetPlan {
   std::uint64_t job_bytes = 0;     ///< for each job: queues, rays, rows
 };
 
-/// Rays of one job. Rows reach further than rays in flight: a few stragglers hold up a chunk of rows, and new rays take
-/// the places of those that are done meanwhile.
+/// Rays of one job. Rows reach further than rays in flight: new rays take the places of those that are done before
+/// their chunk is.
 struct WindowPlan {
   std::uint32_t most_in_flight = 0;
   std::uint32_t pool_chunks = 0;
-  unsigned chunk_shift = 0;  ///< rows: slots << chunk_shift
-  std::uint32_t slots = 0;
+  unsigned chunk_shift = 0;  ///< rows in memory: blocks << chunk_shift
+  std::uint32_t blocks = 0;
+  std::uint32_t most_stragglers = 0;
 };
 
 /// The least share under which the store can be traced.

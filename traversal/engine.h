@@ -13,8 +13,11 @@ namespace raymill {
 struct EngineConfig {
   /// Limit of the whole process, not of this engine alone: what the process holds already is measured and counted.
   std::uint64_t memory = gibibytes(2);
-  unsigned threads = 0;              ///< workers; 0: one for each core
-  std::string isa = {};              ///< "scalar", "avx2"; empty: the best this machine has
+  unsigned threads = 0;  ///< workers; 0: one for each core
+  std::string isa = {};  ///< "scalar", "avx2"; empty: the best this machine has
+  /// Which page is read next: "score" (most rays for each byte), "most-rays", "fifo" (longest wanted) or "sweep" (in
+  /// the file's order). No answer depends on it.
+  std::string policy = "score";
   unsigned max_jobs = 1;             ///< jobs at once; each gets its share of the ray memory
   unsigned max_stores = 1;           ///< stores open at once; each gets its share of the page memory
   std::string spill_directory = {};  ///< for results that wait; empty: TMPDIR, else /tmp

@@ -70,13 +70,32 @@ Status EngineJob::push(std::span<const Ray> rays) {
   return {};
 }
 
-// Waits until a ray more may be in flight and has a row; where only fetching would free rows, finished chunks go to
-// disk instead.
+// Waits for the job's next change; the scheduler knows meanwhile that no rays are to come.
+void EngineJob::wait_blocked(std::unique_lock<std::mutex>& lock, bool for_rows) {
+  job_->push_blocked = true;
+  job_->rows_exhausted = for_rows;
+  tracer_->pump_reads();
+  job_->changed.wait(lock);
+  job_->push_blocked = job_->rows_exhausted = false;
+}
+
+// Brings all rays back to their queues, then takes the rows of nearly finished chunks out of memory.
+Status EngineJob::spill_open_chunks(std::unique_lock<std::mutex>& lock) {
+  ++tracer_->holds_;
+  job_->changed.wait(lock, [this] { return job_->batches_out == 0; });
+  Status status = job_->status.ok() ? job_->window->spill_open() : job_->status;
+  --tracer_->holds_;
+  tracer_->work_wake_.notify_all();
+  return status;
+}
+
+// Waits until a ray more may be in flight and has a row. Where rows are short, finished chunks that nobody fetches and
+// chunks that a few late rays hold up go to disk.
 Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   ResultWindow& window = *job_->window;
   while (job_->status.ok()) {
     if (job_->in_flight() >= job_->most_in_flight) {
-      job_->changed.wait(lock);
+      wait_blocked(lock, false);
       continue;
     }
     if (window.room() > 0) {
@@ -89,12 +108,20 @@ Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
     if (window.begin_slot()) {
       continue;
     }
-    auto spilled = window.spill();
+    if (!window.short_of_blocks()) {
+      wait_blocked(lock, true);  // the oldest chunk is too far behind
+      continue;
+    }
+    Result<bool> spilled = window.spill_done();
+    if (spilled && !*spilled && window.can_spill_open()) {
+      const Status status = spill_open_chunks(lock);
+      spilled = status.ok() ? Result<bool>(true) : Result<bool>(status);
+    }
     if (!spilled) {
-      job_->status = spilled.status();
+      job_->status = job_->status.ok() ? spilled.status() : job_->status;
       end(lock, job_->status);
     } else if (!*spilled) {
-      job_->changed.wait(lock);
+      wait_blocked(lock, true);
     }
   }
   return job_->status;
@@ -154,6 +181,7 @@ Status EngineJob::push_some(std::span<const Ray> rays) {
       job_->first_push = std::chrono::steady_clock::now();
     }
     window.add(count);
+    job_->last_push = std::chrono::steady_clock::now();
     job_->rays_pushed += count;
     for (const std::uint32_t number : invalid) {
       window.complete(number);

@@ -29,6 +29,8 @@ class EngineJob final : public Job {
 
  private:
   class ChunkOwner;
+  void wait_blocked(std::unique_lock<std::mutex>& lock, bool for_rows);
+  Status spill_open_chunks(std::unique_lock<std::mutex>& lock);
   Status make_room(std::unique_lock<std::mutex>& lock);
   Status push_some(std::span<const Ray> rays);
   void end(std::unique_lock<std::mutex>& lock, const Status& status);

@@ -1,44 +1,42 @@
 #include "traversal/page_scheduler.h"
 
-#include <bit>
+#include <utility>
 
 namespace raymill::traversal {
-namespace {
 
-constexpr std::uint32_t kNone = 0xFFFFFFFFu;
-
-}  // namespace
-
-PageScheduler::PageScheduler(std::uint32_t page_count)
-    : demand_(page_count), links_(page_count), list_of_(page_count, kNotListed), is_ready_(page_count) {
-  lists_.fill({kNone, kNone});
-}
+PageScheduler::PageScheduler(std::uint32_t page_count, std::unique_ptr<ReadPolicy> policy)
+    : policy_(std::move(policy)),
+      demand_(page_count),
+      by_age_(page_count, 1),
+      is_ready_(page_count),
+      counted_(page_count) {}
 
 std::uint64_t PageScheduler::bytes(std::uint32_t page_count) {
-  // Demand, links, list, ready bit, and the ready list at its longest.
-  return std::uint64_t(page_count) * (sizeof(std::uint32_t) + sizeof(Links) + 1 + 1 + sizeof(std::uint32_t));
+  // Demand, age, ready bit, and the ready list at its longest.
+  return page_count * (2 * sizeof(std::uint32_t) + PageList::bytes_per_page() + 1 + sizeof(std::uint32_t)) +
+         read_policy_bytes(page_count);
 }
 
-void PageScheduler::list(std::uint32_t page) {
-  const auto which = static_cast<std::uint8_t>(std::bit_width(demand_[page]) - 1);
-  List& list = lists_[which];
-  links_[page] = {list.tail, kNone};
-  (list.tail == kNone ? list.head : links_[list.tail].next) = page;
-  list.tail = page;
-  list_of_[page] = which;
-  ++wanted_count_;
+void PageScheduler::tell(std::uint32_t page, std::uint32_t rays) {
+  wanted_rays_ = wanted_rays_ - counted_[page] + rays;
+  counted_[page] = rays;
+  policy_->update(page, rays);
 }
 
-void PageScheduler::unlist(std::uint32_t page) {
-  if (list_of_[page] == kNotListed) {
-    return;
+void PageScheduler::want(std::uint32_t page) {
+  if (by_age_.list_of(page) == PageList::kNotListed) {
+    by_age_.push_back(0, page);
+    ++wanted_count_;
   }
-  List& list = lists_[list_of_[page]];
-  const Links links = links_[page];
-  (links.previous == kNone ? list.head : links_[links.previous].next) = links.next;
-  (links.next == kNone ? list.tail : links_[links.next].previous) = links.previous;
-  list_of_[page] = kNotListed;
-  --wanted_count_;
+  tell(page, demand_[page]);
+}
+
+void PageScheduler::unwant(std::uint32_t page) {
+  if (by_age_.list_of(page) != PageList::kNotListed) {
+    by_age_.remove(page);
+    --wanted_count_;
+    tell(page, 0);
+  }
 }
 
 void PageScheduler::make_ready(std::uint32_t page) {
@@ -53,9 +51,8 @@ void PageScheduler::add(storage::PageId page, std::uint32_t rays, PageState stat
   demand_[i] += rays;
   if (state == PageState::resident) {
     make_ready(i);
-  } else if (state == PageState::absent && list_of_[i] != std::bit_width(demand_[i]) - 1) {
-    unlist(i);
-    list(i);
+  } else if (state == PageState::absent && demand_[i] > 0) {
+    want(i);
   }
 }
 
@@ -64,23 +61,20 @@ void PageScheduler::remove(storage::PageId page, std::uint32_t rays) {
   demand_[i] -= rays;
   if (demand_[i] == 0) {
     is_ready_[i] = false;  // it may be evicted before its place in the ready list comes up
-  }
-  if (list_of_[i] != kNotListed) {
-    unlist(i);
-    if (demand_[i] > 0) {
-      list(i);
-    }
+    unwant(i);
+  } else if (by_age_.list_of(i) != PageList::kNotListed) {
+    tell(i, demand_[i]);
   }
 }
 
-void PageScheduler::reading(storage::PageId page) { unlist(index_of(page)); }
+void PageScheduler::reading(storage::PageId page) { unwant(index_of(page)); }
 
 void PageScheduler::arrived(storage::PageId page, bool resident) {
   const std::uint32_t i = index_of(page);
   if (resident) {
     make_ready(i);
-  } else if (demand_[i] > 0 && list_of_[i] == kNotListed) {
-    list(i);
+  } else if (demand_[i] > 0) {
+    want(i);
   }
 }
 
@@ -98,18 +92,20 @@ std::optional<storage::PageId> PageScheduler::take_ready() {
 
 void PageScheduler::give_back(storage::PageId page) { make_ready(index_of(page)); }
 
-std::optional<storage::PageId> PageScheduler::next_wanted(std::uint32_t least_rays) {
+std::optional<storage::PageId> PageScheduler::longest_wanted() const {
+  const std::uint32_t page = by_age_.head(0);
+  return page == PageList::kNone ? std::nullopt : std::optional(storage::PageId{page});
+}
+
+std::optional<storage::PageId> PageScheduler::next_wanted() {
   if (wanted_count_ == 0) {
     return std::nullopt;
   }
-  const bool aged = ++picks_ % kAgeInterval == 0;
-  for (unsigned i = 0; i < kLists; ++i) {
-    const List& list = lists_[aged ? i : kLists - 1 - i];
-    if (list.head != kNone) {
-      return aged || demand_[list.head] >= least_rays ? std::optional(storage::PageId{list.head}) : std::nullopt;
-    }
+  if (++picks_ % kAgeInterval == 0) {
+    return longest_wanted();
   }
-  return std::nullopt;
+  const auto page = policy_->next();
+  return page ? std::optional(storage::PageId{*page}) : std::nullopt;
 }
 
 }  // namespace raymill::traversal

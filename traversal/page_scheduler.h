@@ -1,20 +1,24 @@
 // PageScheduler: which page's rays run next, and which page is read next.
 //
 //   rays wait at a page --resident--> ready (first in, first out)
-//                       --absent----> wanted: lists by log2(rays waiting), the fullest list first
+//                       --absent----> wanted: the ReadPolicy's choice
 //
-// Every kAgeInterval-th read takes the head of the emptiest list instead, so no page waits for ever. All operations
-// take constant time: scanning for the fullest queue is quadratic (FACTS). Thread-confined (the owner's lock).
+// Whatever the policy, every kAgeInterval-th read is the page that was wanted longest, so a page is read at the latest
+// after kAgeInterval times as many reads as pages were wanted before it. All operations take constant time but a
+// sweep's (a bit for each page): scanning for the fullest queue is quadratic (FACTS). Thread-confined (the owner's
+// lock).
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "storage/base/types.h"
+#include "traversal/page_list.h"
+#include "traversal/read_policy.h"
 
 namespace raymill::traversal {
 
@@ -22,7 +26,9 @@ enum class PageState : std::uint8_t { absent, reading, resident };
 
 class PageScheduler {
  public:
-  explicit PageScheduler(std::uint32_t page_count);
+  static constexpr unsigned kAgeInterval = 64;
+
+  PageScheduler(std::uint32_t page_count, std::unique_ptr<ReadPolicy> policy);
   static std::uint64_t bytes(std::uint32_t page_count);
 
   /// `rays` more wait at the page.
@@ -39,34 +45,31 @@ class PageScheduler {
   std::optional<storage::PageId> take_ready();
   /// Puts the page back if rays still wait there.
   void give_back(storage::PageId page);
-  /// The page to read next among those with at least `least_rays` waiting; it stays a candidate.
-  std::optional<storage::PageId> next_wanted(std::uint32_t least_rays);
+  /// The page to read next; it stays a candidate.
+  std::optional<storage::PageId> next_wanted();
+  /// The page that was wanted longest; it stays a candidate.
+  [[nodiscard]] std::optional<storage::PageId> longest_wanted() const;
 
   /// Rays waiting for each page.
   [[nodiscard]] std::span<const std::uint32_t> demand() const { return demand_; }
-  [[nodiscard]] bool anything_wanted() const { return wanted_count_ > 0; }
+  /// Absent pages that rays wait for and nobody reads, and those rays.
+  [[nodiscard]] std::uint32_t wanted_count() const { return wanted_count_; }
+  [[nodiscard]] std::uint64_t wanted_rays() const { return wanted_rays_; }
 
  private:
-  static constexpr unsigned kLists = 32;
-  static constexpr std::uint8_t kNotListed = 0xFF;
-  static constexpr unsigned kAgeInterval = 64;
-  void list(std::uint32_t page);
-  void unlist(std::uint32_t page);
+  void want(std::uint32_t page);
+  void unwant(std::uint32_t page);
+  void tell(std::uint32_t page, std::uint32_t rays);
   void make_ready(std::uint32_t page);
 
-  struct Links {
-    std::uint32_t previous, next;
-  };
-  struct List {
-    std::uint32_t head, tail;
-  };
+  std::unique_ptr<ReadPolicy> policy_;
   std::vector<std::uint32_t> demand_;
-  std::vector<Links> links_;
-  std::vector<std::uint8_t> list_of_;
+  PageList by_age_;  // of the wanted pages
   std::vector<bool> is_ready_;
-  std::array<List, kLists> lists_;
   std::deque<std::uint32_t> ready_;
   std::uint32_t wanted_count_ = 0;
+  std::uint64_t wanted_rays_ = 0;
+  std::vector<std::uint32_t> counted_;  // rays of each page in wanted_rays_
   unsigned picks_ = 0;
 };
 

@@ -6,11 +6,13 @@
 // beside the rows, and only where a chunk has a ray whose tnear is not zero.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
+#include <vector>
 
 #include "storage/base/types.h"
 #include "traversal/query.h"
@@ -96,18 +98,44 @@ class RecordLayout {
   unsigned stack_bytes_ = sizeof(Bitstack);
 };
 
-/// The number of a ray: the chunk's slot above, the position in the chunk below.
-struct RowTable {
-  unsigned chunk_shift = 0;              ///< rays of a chunk: 2^chunk_shift
-  std::size_t row_bytes = 0;             ///< of the layout below
-  HitLayout layout;                      ///< includes the ids wherever a tie could show
-  std::byte* rows = nullptr;             ///< [slots << chunk_shift] rows
-  const float* const* tnears = nullptr;  ///< for each slot: null where all are zero
+/// Rows of the rays of a chunk that are still under way after the chunk's rows went to disk.
+struct StragglerRows {
+  std::vector<std::uint32_t> positions;  ///< in the chunk, rising
+  std::vector<float> tnears;             ///< of each; none: all zero
+  std::vector<std::byte> rows;
+  std::size_t row_bytes = 0;
 
-  [[nodiscard]] std::byte* row(std::uint32_t number) const { return rows + std::size_t(number) * row_bytes; }
+  [[nodiscard]] std::size_t index_of(std::uint32_t position) const {
+    return static_cast<std::size_t>(std::lower_bound(positions.begin(), positions.end(), position) - positions.begin());
+  }
+};
+
+/// Where a ray's row is. The number of a ray: the chunk's slot above, the position in the chunk below.
+struct RowTable {
+  unsigned chunk_shift = 0;                    ///< rays of a chunk: 2^chunk_shift
+  std::size_t row_bytes = 0;                   ///< of the layout below
+  HitLayout layout;                            ///< includes the ids wherever a tie could show
+  std::byte* const* bases = nullptr;           ///< for each slot: its rows, or null where they are on disk
+  StragglerRows* const* stragglers = nullptr;  ///< for each slot whose rows are on disk
+  const float* const* tnears = nullptr;        ///< for each slot: null where all are zero
+
+  [[nodiscard]] std::byte* row(std::uint32_t number) const {
+    const std::uint32_t slot = number >> chunk_shift, position = number & ((1U << chunk_shift) - 1);
+    if (bases[slot] != nullptr) {
+      return bases[slot] + std::size_t(position) * row_bytes;
+    }
+    StragglerRows& rows = *stragglers[slot];
+    return rows.rows.data() + rows.index_of(position) * row_bytes;
+  }
   [[nodiscard]] float tnear(std::uint32_t number) const {
-    const float* values = tnears[number >> chunk_shift];
-    return values == nullptr ? 0.0F : values[number & ((1U << chunk_shift) - 1)];
+    const std::uint32_t slot = number >> chunk_shift, position = number & ((1U << chunk_shift) - 1);
+    if (tnears[slot] != nullptr) {
+      return tnears[slot][position];
+    }
+    if (bases[slot] == nullptr && stragglers[slot] != nullptr && !stragglers[slot]->tnears.empty()) {
+      return stragglers[slot]->tnears[stragglers[slot]->index_of(position)];
+    }
+    return 0;
   }
 };
 

@@ -11,13 +11,27 @@
 #include <utility>
 
 namespace raymill::traversal {
+namespace {
 
-std::uint64_t ResultWindow::bytes(const Config& config) {
-  return (std::uint64_t(config.slots) << config.chunk_shift) * (config.kept.row_bytes() + sizeof(float));
+// A chunk gives its block up when at most one in so many of its rays is left.
+constexpr std::uint32_t kOpenShare = 2;
+constexpr std::size_t kMergeBytes = 64 << 10;
+
+}  // namespace
+
+std::uint64_t ResultWindow::bytes(unsigned chunk_shift, std::uint32_t blocks, std::uint32_t most_stragglers,
+                                  std::size_t kept_row_bytes) {
+  const std::uint64_t chunk_rays = std::uint64_t(1) << chunk_shift;
+  const std::uint64_t slots = std::uint64_t(blocks) * kSlotsPerBlock;
+  return blocks * chunk_rays * (kept_row_bytes + sizeof(float)) +
+         most_stragglers * (kept_row_bytes + sizeof(float) + sizeof(std::uint32_t)) + blocks * chunk_rays / 8 +
+         slots * (sizeof(Slot) + sizeof(StragglerRows) + 5 * sizeof(void*));
 }
 
 Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config, storage::Ledger& ledger) {
-  RAYMILL_ASSIGN_OR_RETURN(storage::BudgetReservation reservation, ledger.claim(storage::Tag::results, bytes(config)));
+  RAYMILL_ASSIGN_OR_RETURN(storage::BudgetReservation reservation,
+                           ledger.claim(storage::Tag::results, bytes(config.chunk_shift, config.blocks,
+                                                                     config.most_stragglers, config.kept.row_bytes())));
   std::unique_ptr<ResultWindow> window(new ResultWindow(config));
   if (window->memory_.data() == nullptr) {
     return {ErrorCode::budget_exceeded, "the system has no address space for the results in flight"};
@@ -28,11 +42,21 @@ Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config,
 
 ResultWindow::ResultWindow(const Config& config)
     : config_(config),
-      memory_((std::uint64_t(config.slots) << config.chunk_shift) * config.kept.row_bytes()),
-      slots_(config.slots),
-      tnears_(config.slots, nullptr) {
-  assert(config.slots >= kMinSlots);
-  table_ = {config.chunk_shift, config.kept.row_bytes(), config.kept, memory_.data(), tnears_.data()};
+      memory_((std::uint64_t(config.blocks) << config.chunk_shift) * config.kept.row_bytes()),
+      slots_(std::size_t(config.blocks) * kSlotsPerBlock),
+      bases_(slots_.size(), nullptr),
+      stragglers_(slots_.size(), nullptr),
+      tnears_(slots_.size(), nullptr) {
+  assert(config.blocks >= kMinBlocks);
+  assert(std::uint64_t(slots_.size()) << config.chunk_shift <= 0xFFFFFFFFu);
+  table_ = {config.chunk_shift, config.kept.row_bytes(), config.kept,
+            bases_.data(),      stragglers_.data(),      tnears_.data()};
+  for (std::uint32_t slot = static_cast<std::uint32_t>(slots_.size()); slot-- > 0;) {
+    free_slots_.push_back(slot);
+  }
+  for (std::uint32_t block = config.blocks; block-- > 0;) {
+    free_blocks_.push_back(block);
+  }
 }
 
 ResultWindow::~ResultWindow() {
@@ -41,32 +65,25 @@ ResultWindow::~ResultWindow() {
   }
 }
 
-std::uint32_t ResultWindow::room() const { return filling_ == kNoSlot ? 0 : chunk_rays() - slots_[filling_].rays; }
-
-std::optional<std::uint32_t> ResultWindow::find_free() const {
-  for (std::uint32_t slot = 0; slot < slots_.size(); ++slot) {
-    if (slots_[slot].state == State::free) {
-      return slot;
-    }
-  }
-  return std::nullopt;
-}
-
-std::uint32_t ResultWindow::free_count() const {
-  return static_cast<std::uint32_t>(
-      std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.state == State::free; }));
-}
+std::uint32_t ResultWindow::room() const { return filling_ == kNone ? 0 : chunk_rays() - slots_[filling_].rays; }
 
 bool ResultWindow::begin_slot() {
-  assert(filling_ == kNoSlot);
-  if (free_count() < 2) {
+  assert(filling_ == kNone);
+  if (free_blocks_.size() < 2 || free_slots_.empty()) {
     return false;
   }
-  filling_ = *find_free();
-  slots_[filling_].state = State::filling;
-  slots_[filling_].rays = 0;
-  slots_[filling_].remaining = 0;
-  order_.push_back({next_ray_, 0, filling_, 0});
+  filling_ = free_slots_.back();
+  free_slots_.pop_back();
+  Slot& slot = slots_[filling_];
+  slot.state = State::filling;
+  slot.rays = 0;
+  slot.remaining = 0;
+  slot.first_ray = next_ray_;
+  slot.block = free_blocks_.back();
+  free_blocks_.pop_back();
+  slot.done.assign(chunk_rays(), false);
+  bases_[filling_] = block_rows(slot.block);
+  order_.push_back(filling_);
   return true;
 }
 
@@ -75,7 +92,6 @@ std::uint32_t ResultWindow::next_number() const { return (filling_ << config_.ch
 void ResultWindow::add(std::uint32_t rays) {
   slots_[filling_].rays += rays;
   slots_[filling_].remaining += rays;
-  order_.back().rays += rays;
   next_ray_ += rays;
 }
 
@@ -87,7 +103,7 @@ void ResultWindow::close_slot() {
   } else {
     slot.state = slot.remaining == 0 ? State::done : State::tracing;
   }
-  filling_ = kNoSlot;
+  filling_ = kNone;
 }
 
 float* ResultWindow::tnears_of_filling() {
@@ -101,8 +117,12 @@ float* ResultWindow::tnears_of_filling() {
 
 void ResultWindow::complete(std::uint32_t number) {
   Slot& slot = slots_[number >> config_.chunk_shift];
+  if (!slot.stragglers) {
+    slot.done[number & (chunk_rays() - 1)] = true;
+  }
   if (--slot.remaining == 0 && slot.state == State::tracing) {
     slot.state = State::done;
+    straggler_count_ -= slot.stragglers ? static_cast<std::uint32_t>(slot.stragglers->positions.size()) : 0;
   }
 }
 
@@ -110,53 +130,54 @@ bool ResultWindow::deliverable() const {
   if (order_.empty()) {
     return false;
   }
-  const Chunk& chunk = order_.front();
-  return chunk.slot == kNoSlot ? find_free().has_value() : slots_[chunk.slot].state == State::done;
+  const Slot& slot = slots_[order_.front()];
+  return slot.state == State::done && (slot.block != kNone || !free_blocks_.empty());
 }
 
 Result<ResultWindow::Delivery> ResultWindow::deliver() {
-  const Chunk chunk = order_.front();
-  Delivery delivery{next_index_, chunk.first_ray, {}, chunk.slot};
-  if (chunk.slot == kNoSlot) {
-    delivery.slot = *find_free();
+  const std::uint32_t index = order_.front();
+  Slot& slot = slots_[index];
+  const bool in_file = slot.block == kNone;
+  if (in_file) {
+    slot.block = free_blocks_.back();
+    free_blocks_.pop_back();
   }
-  std::byte* rows = table_.row(delivery.slot << config_.chunk_shift);
-  delivery.rows = {rows, chunk.rays * config_.asked.row_bytes()};
-  if (chunk.slot == kNoSlot) {
-    std::size_t done = 0;
-    while (done < delivery.rows.size()) {
-      const ssize_t n =
-          ::pread(file_, rows + done, delivery.rows.size() - done, static_cast<off_t>(chunk.file_offset + done));
-      if (n == 0 || (n < 0 && errno != EINTR)) {
-        return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
-                                   std::strerror(n < 0 ? errno : EIO)};
-      }
-      done += n > 0 ? static_cast<std::size_t>(n) : 0;
-    }
+  std::byte* rows = block_rows(slot.block);
+  const Delivery delivery{next_index_, slot.first_ray, {rows, slot.rays * config_.asked.row_bytes()}, index};
+  if (in_file) {
+    RAYMILL_RETURN_IF_ERROR(merge_stragglers(slot));
+    RAYMILL_RETURN_IF_ERROR(read_at(file_offset(slot), delivery.rows));
   } else {
-    compact(chunk.slot, chunk.rays);
+    compact(rows, slot.rays);
   }
-  slots_[delivery.slot].state = State::held;
+  slot.state = State::held;
   order_.pop_front();
   ++next_index_;
   return delivery;
 }
 
 // From the kept layout to the asked one, in place: rows only get shorter.
-void ResultWindow::compact(std::uint32_t slot, std::uint32_t rays) {
+void ResultWindow::compact(std::byte* rows, std::uint32_t count) const {
   if (config_.asked.row_bytes() == config_.kept.row_bytes()) {
     return;
   }
-  std::byte* rows = table_.row(slot << config_.chunk_shift);
-  for (std::uint32_t i = 0; i < rays; ++i) {
+  for (std::uint32_t i = 0; i < count; ++i) {
     config_.asked.write(config_.kept.read(rows + i * config_.kept.row_bytes()), rows + i * config_.asked.row_bytes());
   }
 }
 
-void ResultWindow::free_slot(std::uint32_t slot) {
-  slots_[slot].state = State::free;
-  slots_[slot].tnears.reset();
-  tnears_[slot] = nullptr;
+void ResultWindow::free_slot(std::uint32_t index) {
+  if (slots_[index].block != kNone) {
+    free_blocks_.push_back(slots_[index].block);
+  }
+  if (slots_[index].place != kNone) {
+    free_places_.push_back(slots_[index].place);
+  }
+  slots_[index] = {};
+  bases_[index] = nullptr;
+  stragglers_[index] = nullptr;
+  tnears_[index] = nullptr;
+  free_slots_.push_back(index);
 }
 
 Status ResultWindow::open_file() {
@@ -173,34 +194,144 @@ Status ResultWindow::open_file() {
   return {};
 }
 
-Result<bool> ResultWindow::spill() {
+// Appends a chunk's rows in the asked layout; its block's contents are lost.
+Status ResultWindow::write_rows(Slot& slot) {
+  RAYMILL_RETURN_IF_ERROR(open_file());
+  if (free_places_.empty()) {
+    free_places_.push_back(places_++);
+  }
+  slot.place = free_places_.back();
+  free_places_.pop_back();
+  std::byte* rows = block_rows(slot.block);
+  compact(rows, slot.rays);
+  const std::size_t size = slot.rays * config_.asked.row_bytes();
+  spilled_bytes_ += size;
+  return write_at(file_offset(slot), {rows, size});
+}
+
+Status ResultWindow::write_at(std::uint64_t offset, std::span<const std::byte> bytes) const {
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::pwrite(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno != EINTR) {
+      return {errno == ENOSPC ? ErrorCode::disk_full : ErrorCode::io,
+              "cannot keep results in a temporary file in " + config_.spill_directory + ": " + std::strerror(errno) +
+                  "; fetch results while pushing, or set TMPDIR to a folder with room"};
+    }
+    done += n > 0 ? static_cast<std::size_t>(n) : 0;
+  }
+  return {};
+}
+
+Status ResultWindow::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::pread(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (n == 0 || (n < 0 && errno != EINTR)) {
+      return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
+                                 std::strerror(n < 0 ? errno : EIO)};
+    }
+    done += n > 0 ? static_cast<std::size_t>(n) : 0;
+  }
+  return {};
+}
+
+// Puts the rows of a done chunk's late rays among the others in the file, in pieces, and frees them.
+Status ResultWindow::merge_stragglers(Slot& slot) const {
+  if (!slot.stragglers) {
+    return {};
+  }
+  const StragglerRows& late = *slot.stragglers;
+  const std::size_t row_bytes = config_.asked.row_bytes();
+  const std::size_t piece_rows = kMergeBytes / row_bytes;
+  std::vector<std::byte> piece(piece_rows * row_bytes);
+  for (std::size_t next = 0; next < late.positions.size();) {
+    const std::size_t first = late.positions[next];
+    const std::size_t rows = std::min<std::size_t>(piece_rows, slot.rays - first);
+    const std::uint64_t offset = file_offset(slot) + first * row_bytes;
+    const auto bytes = std::span(piece).first(rows * row_bytes);
+    RAYMILL_RETURN_IF_ERROR(read_at(offset, bytes));
+    for (; next < late.positions.size() && late.positions[next] < first + rows; ++next) {
+      config_.asked.write(config_.kept.read(late.rows.data() + next * late.row_bytes),
+                          piece.data() + (late.positions[next] - first) * row_bytes);
+    }
+    RAYMILL_RETURN_IF_ERROR(write_at(offset, bytes));
+  }
+  slot.stragglers.reset();
+  return {};
+}
+
+void ResultWindow::give_up_block(std::uint32_t index) {
+  free_blocks_.push_back(slots_[index].block);
+  slots_[index].block = kNone;
+  slots_[index].done = {};
+  bases_[index] = nullptr;
+}
+
+Result<bool> ResultWindow::spill_done() {
   // The latest finished chunk: it is needed last.
   for (std::size_t i = order_.size(); i-- > 0;) {
-    Chunk& chunk = order_[i];
-    if (chunk.slot == kNoSlot || slots_[chunk.slot].state != State::done) {
-      continue;
+    Slot& slot = slots_[order_[i]];
+    if (slot.block != kNone && slot.state == State::done) {
+      RAYMILL_RETURN_IF_ERROR(write_rows(slot));
+      give_up_block(order_[i]);
+      return true;
     }
-    RAYMILL_RETURN_IF_ERROR(open_file());
-    compact(chunk.slot, chunk.rays);
-    const std::size_t size = chunk.rays * config_.asked.row_bytes();
-    const std::byte* rows = table_.row(chunk.slot << config_.chunk_shift);
-    for (std::size_t done = 0; done < size;) {
-      const ssize_t n = ::pwrite(file_, rows + done, size - done, static_cast<off_t>(file_end_ + done));
-      if (n < 0 && errno != EINTR) {
-        return {errno == ENOSPC ? ErrorCode::disk_full : ErrorCode::io,
-                "cannot keep results in a temporary file in " + config_.spill_directory + ": " + std::strerror(errno) +
-                    "; fetch results while pushing, or set TMPDIR to a folder with room"};
-      }
-      done += n > 0 ? static_cast<std::size_t>(n) : 0;
-    }
-    free_slot(chunk.slot);
-    chunk.slot = kNoSlot;
-    chunk.file_offset = file_end_;
-    file_end_ += size;
-    spilled_bytes_ += size;
-    return true;
   }
   return false;
+}
+
+std::optional<std::uint32_t> ResultWindow::find_open() const {
+  std::optional<std::uint32_t> best;
+  for (const std::uint32_t index : order_) {
+    const Slot& slot = slots_[index];
+    if (slot.block != kNone && slot.state == State::tracing && slot.remaining <= slot.rays / kOpenShare &&
+        straggler_count_ + slot.remaining <= config_.most_stragglers &&
+        (!best || slot.remaining < slots_[*best].remaining)) {
+      best = index;
+    }
+  }
+  return best;
+}
+
+StragglerRows ResultWindow::take_stragglers(const Slot& slot, const std::byte* rows) const {
+  StragglerRows late;
+  late.row_bytes = config_.kept.row_bytes();
+  late.positions.reserve(slot.remaining);
+  late.rows.reserve(slot.remaining * late.row_bytes);
+  for (std::uint32_t position = 0; position < slot.rays; ++position) {
+    if (!slot.done[position]) {
+      const std::byte* row = rows + position * late.row_bytes;
+      late.positions.push_back(position);
+      late.rows.insert(late.rows.end(), row, row + late.row_bytes);
+      if (slot.tnears) {
+        late.tnears.push_back(slot.tnears[position]);
+      }
+    }
+  }
+  return late;
+}
+
+Status ResultWindow::spill_open() {
+  for (const std::uint32_t index : order_) {
+    if (slots_[index].state == State::done && slots_[index].stragglers) {
+      RAYMILL_RETURN_IF_ERROR(merge_stragglers(slots_[index]));
+      stragglers_[index] = nullptr;
+    }
+  }
+  while (free_blocks_.size() < config_.blocks / 2) {
+    const auto index = find_open();
+    if (!index) {
+      break;
+    }
+    Slot& slot = slots_[*index];
+    slot.stragglers = std::make_unique<StragglerRows>(take_stragglers(slot, block_rows(slot.block)));
+    RAYMILL_RETURN_IF_ERROR(write_rows(slot));
+    give_up_block(*index);
+    straggler_count_ += slot.remaining;
+    stragglers_[*index] = slot.stragglers.get();
+    slot.tnears.reset();
+    tnears_[*index] = nullptr;
+  }
+  return {};
 }
 
 }  // namespace raymill::traversal

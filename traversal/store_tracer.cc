@@ -12,8 +12,8 @@
 namespace raymill::traversal {
 namespace {
 
-// Evicting a page for fewer waiting rays than this waits until nothing else is to be done.
-constexpr std::uint32_t kLeastRaysToEvict = 32;
+// A job gets more rays soon when its pusher was there so short a time ago.
+constexpr std::chrono::milliseconds kPushPatience{10};
 
 }  // namespace
 
@@ -41,7 +41,10 @@ StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const C
     : file_(std::move(file)),
       config_(config),
       ledger_(ledger),
-      scheduler_(file_->page_count()),
+      scheduler_(file_->page_count(), make_read_policy(config.read_order, file_->page_count(),
+                                                       [store = file_.get()](std::uint32_t page) {
+                                                         return store->entry(storage::PageId{page}).encoded_bytes;
+                                                       })),
       was_read_(file_->page_count()) {}
 
 Status StoreTracer::init() {
@@ -96,7 +99,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   window.spill_directory = config_.spill_directory;
   const WindowPlan plan = plan_window(plan_.job_bytes, rules.page_count, setup.layout.bytes(), window.kept.row_bytes());
   window.chunk_shift = plan.chunk_shift;
-  window.slots = plan.slots;
+  window.blocks = plan.blocks;
+  window.most_stragglers = plan.most_stragglers;
   setup.most_in_flight = plan.most_in_flight;
 
   const std::lock_guard lock(mutex_);
@@ -121,14 +125,23 @@ void StoreTracer::work(unsigned index) {
   Worker worker(index, *file_);
   std::unique_lock lock(mutex_);
   while (true) {
-    work_wake_.wait(lock, [this] { return stopping_ || !arrivals_.empty() || scheduler_.has_ready(); });
+    const auto something_to_do = [this] {
+      return stopping_ || !arrivals_.empty() || (scheduler_.has_ready() && holds_ == 0);
+    };
+    if (jobs_.empty()) {
+      work_wake_.wait(lock, [&] { return something_to_do() || !jobs_.empty(); });
+    } else {
+      work_wake_.wait_for(lock, kPushPatience, something_to_do);
+    }
     if (stopping_) {
       return;
     }
     if (!arrivals_.empty()) {
       handle_arrival(worker, lock);
-    } else if (const auto page = scheduler_.take_ready(); page) {
-      run_batch(worker, *page, lock);
+    } else if (holds_ == 0) {
+      if (const auto page = scheduler_.take_ready()) {
+        run_batch(worker, *page, lock);
+      }
     }
     pump_reads();
   }
@@ -142,14 +155,31 @@ void StoreTracer::on_arrival(storage::PageArrival arrival) {
   work_wake_.notify_one();
 }
 
-// Starts reads for the pages that most rays wait for, as long as there are frames to put them into.
+// Whether a read now would serve about as many rays as it ever will: most of those that memory holds, or of those that
+// there are when no more come, wait for absent pages.
+bool StoreTracer::enough_wait() const {
+  const auto now = std::chrono::steady_clock::now();
+  std::uint64_t expected = 0;
+  for (const auto& job : jobs_) {
+    const bool more_come = !job->finished && !job->push_blocked && now - job->last_push < kPushPatience;
+    expected += more_come ? job->most_in_flight : job->in_flight();
+  }
+  return scheduler_.wanted_rays() >= expected - expected / 4;
+}
+
+// Starts reads in the policy's order. While there are frames a page costs nothing but its read; where another page must
+// go for it, the more rays wait for it the better, so first the rays in flight are as many as memory holds.
 void StoreTracer::pump_reads() {
-  while (leases_.size() < plan_.read_depth) {
-    const bool idle = !scheduler_.has_ready() && arrivals_.empty();
-    const auto page = scheduler_.next_wanted(idle || cache_->has_free_frame() ? 1 : kLeastRaysToEvict);
-    if (!page) {
+  while (leases_.size() < plan_.read_depth && scheduler_.wanted_count() > 0) {
+    if (!cache_->has_free_frame() && !enough_wait()) {
       return;
     }
+    // When old chunks keep new rays out, their rays are among those that have waited longest: every other read.
+    const bool held_up = std::any_of(jobs_.begin(), jobs_.end(), [](const auto& job) {
+      return job->rows_exhausted && job->in_flight() < job->most_in_flight / 2;
+    });
+    turn_ = !turn_;
+    const auto page = held_up && turn_ ? scheduler_.longest_wanted() : scheduler_.next_wanted();
     const auto lease = cache_->begin_read(*page, scheduler_.demand());
     if (!lease) {
       return;

@@ -44,6 +44,7 @@ class StoreTracer {
   struct Config {
     StoreShare share;
     Isa isa = Isa::scalar;
+    ReadOrder read_order = ReadOrder::score;
     std::string spill_directory;
   };
   /// Errors: budget_exceeded.
@@ -72,6 +73,7 @@ class StoreTracer {
   void handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
   void settle(Worker& worker, TraceJob& job);
+  [[nodiscard]] bool enough_wait() const;
   void pump_reads();
   void on_arrival(storage::PageArrival arrival);
   [[nodiscard]] PageState state_of(storage::PageId page) const;
@@ -94,6 +96,8 @@ class StoreTracer {
   std::vector<std::shared_ptr<TraceJob>> jobs_;
   std::size_t next_job_ = 0;  // round robin
   StoreStats stats_;
+  bool turn_ = false;
+  unsigned holds_ = 0;  // no batch is begun while someone waits for all to come back
   bool stopping_ = false;
 
   std::unique_ptr<storage::PageReader> reader_;

@@ -53,6 +53,9 @@ class TraceJob {
   Status status;                 ///< not ok: the job has ended early
   bool finished = false;         ///< no more rays come
   unsigned batches_out = 0;      ///< workers that hold rays of this job
+  bool push_blocked = false;     ///< push() waits
+  bool rows_exhausted = false;   ///< it waits for rows, not for rays
+  std::chrono::steady_clock::time_point last_push{};
   JobStats stats;
   std::uint64_t rays_pushed = 0;
   std::uint64_t rays_done = 0;

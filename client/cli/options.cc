@@ -21,6 +21,11 @@ void ServiceOptions::add_to(CLI::App& app) {
       ->capture_default_str();
   app.add_option("--isa", isa, "Instruction set: scalar or avx2; left out: the best this machine has")
       ->type_name("ISA");
+  app.add_option(
+         "--policy", policy,
+         "Which page is read next: score (most rays for each byte), most-rays, fifo or sweep. No answer depends "
+         "on it. Default score")
+      ->type_name("NAME");
   app.add_option("--server", server, "Trace on this server instead (ipc://PATH or tcp://HOST:PORT)")->type_name("ADDR");
   app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
 }
@@ -37,6 +42,7 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
     config.memory = options.memory;
     config.threads = options.threads;
     config.isa = options.isa;
+    config.policy = options.policy;
     RAYMILL_ASSIGN_OR_RETURN(open.service, Engine::create(config));
   } else {
     RAYMILL_ASSIGN_OR_RETURN(open.service, Client::connect({.address = options.server}));

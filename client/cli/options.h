@@ -9,6 +9,7 @@
 #include "client/cli/parse.h"
 #include "client/cli/progress.h"
 #include "client/cli/report.h"
+#include "traversal/engine.h"
 #include "traversal/service.h"
 
 namespace raymill::client {
@@ -32,6 +33,7 @@ struct ServiceOptions {
   std::uint64_t memory = gibibytes(2);
   unsigned threads = 0;
   std::string isa;
+  std::string policy = EngineConfig().policy;
   std::string server;
   std::string stats_path;
 

@@ -32,7 +32,8 @@ void run_rays(const std::byte* image, const PageRules& rules) {
   const HitLayout layout(Field::all);
   std::byte row[36];
   const float* tnears[] = {nullptr};
-  const traversal::RowTable rows{0, layout.row_bytes(), layout, row, tnears};
+  std::byte* bases[] = {row};
+  const traversal::RowTable rows{0, layout.row_bytes(), layout, bases, nullptr, tnears};
   for (const traversal::Isa isa : traversal::runnable_isas()) {
     for (const Query query : {Query::closest, Query::any}) {
       for (const Mode mode : {Mode::watertight, Mode::fast}) {

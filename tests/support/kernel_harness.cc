@@ -45,7 +45,8 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
   std::vector<std::byte> row(layout.row_bytes());
   float tnear = 0;
   const float* tnears[] = {&tnear};
-  const RowTable rows{0, layout.row_bytes(), layout, row.data(), tnears};
+  std::byte* bases[] = {row.data()};
+  const RowTable rows{0, layout.row_bytes(), layout, bases, nullptr, tnears};
   const unsigned bits = pages.rules.width * pages.rules.levels;
   const Kernel kernel = find_kernel(run.isa, {run.query, run.mode, pages.rules.width, run.wide_stack || bits > 64});
   const RecordLayout records(RecordLayout::stack_bytes(pages.rules.width, pages.rules.levels));

@@ -19,12 +19,10 @@ std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsi
   const std::size_t record = 35 + sizeof(Bitstack);
   const HitLayout row(Field::all);
   const WindowPlan window = plan_window(plan.job_bytes, store.page_count(), record, row.row_bytes());
-  ResultWindow::Config config;
-  config.kept = row;
-  config.chunk_shift = window.chunk_shift;
-  config.slots = window.slots;
-  const std::uint64_t job = store.page_count() * sizeof(RayQueue) + ResultWindow::bytes(config) +
-                            std::uint64_t(window.pool_chunks) * kRayChunkBytes;
+  const std::uint64_t job =
+      store.page_count() * sizeof(RayQueue) +
+      ResultWindow::bytes(window.chunk_shift, window.blocks, window.most_stragglers, row.row_bytes()) +
+      std::uint64_t(window.pool_chunks) * kRayChunkBytes;
   return std::uint64_t(plan.frame_count) * store.header().page_bytes +
          storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
          storage::PreadPool::buffer_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
@@ -85,11 +83,14 @@ TEST(WindowPlan, GrowsWithItsBytesAndNeverPassesThem) {
   std::uint64_t last = 0;
   for (std::uint64_t bytes = mebibytes(1); bytes < gibibytes(8); bytes += bytes / 3) {
     const WindowPlan plan = plan_window(bytes, 1000, 43, 36);
-    const std::uint64_t rows = std::uint64_t(plan.slots) << plan.chunk_shift;
-    EXPECT_GE(plan.slots, ResultWindow::kMinSlots);
-    EXPECT_GE(rows, plan.most_in_flight) << "every ray in flight has a row";
+    const std::uint64_t rows = std::uint64_t(plan.blocks) << plan.chunk_shift;
+    EXPECT_GE(plan.blocks, ResultWindow::kMinBlocks);
+    EXPECT_GE(rows + plan.most_stragglers, plan.most_in_flight) << "every ray in flight has a row";
+    EXPECT_LE(std::uint64_t(plan.blocks) * ResultWindow::kSlotsPerBlock << plan.chunk_shift, 0xFFFFFFFFu);
     EXPECT_GE(plan.most_in_flight, last) << "more memory, not fewer rays";
-    EXPECT_LE(rows * 40 + std::uint64_t(plan.pool_chunks) * kRayChunkBytes, bytes);
+    EXPECT_LE(ResultWindow::bytes(plan.chunk_shift, plan.blocks, plan.most_stragglers, 36) +
+                  std::uint64_t(plan.pool_chunks) * kRayChunkBytes,
+              bytes);
     EXPECT_GE(plan.pool_chunks, RayPool::chunks_needed(plan.most_in_flight, 1000, 43));
     last = plan.most_in_flight;
   }

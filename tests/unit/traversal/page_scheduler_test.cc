@@ -13,43 +13,42 @@ namespace {
 
 using storage::PageId;
 
-TEST(PageScheduler, FullestListIsReadFirst) {
-  PageScheduler scheduler(4);
+TEST(PageScheduler, FullestPageIsReadFirst) {
+  PageScheduler scheduler(4, make_read_policy(ReadOrder::most_rays, 4, nullptr));
   scheduler.add(PageId{0}, 3, PageState::absent);
   scheduler.add(PageId{1}, 100, PageState::absent);
   scheduler.add(PageId{2}, 20, PageState::absent);
-  EXPECT_EQ(scheduler.next_wanted(1), PageId{1});
+  EXPECT_EQ(scheduler.next_wanted(), PageId{1});
   scheduler.reading(PageId{1});
-  EXPECT_EQ(scheduler.next_wanted(1), PageId{2});
-  EXPECT_EQ(scheduler.next_wanted(21), std::nullopt);
+  EXPECT_EQ(scheduler.next_wanted(), PageId{2});
   EXPECT_EQ(scheduler.demand()[1], 100u);
 }
 
 TEST(PageScheduler, RaysThatAddUpMoveAPageAhead) {
-  PageScheduler scheduler(2);
+  PageScheduler scheduler(2, make_read_policy(ReadOrder::most_rays, 2, nullptr));
   scheduler.add(PageId{0}, 10, PageState::absent);
   scheduler.add(PageId{1}, 5, PageState::absent);
-  EXPECT_EQ(scheduler.next_wanted(1), PageId{0});
+  EXPECT_EQ(scheduler.next_wanted(), PageId{0});
   scheduler.add(PageId{1}, 30, PageState::absent);
-  EXPECT_EQ(scheduler.next_wanted(1), PageId{1});
+  EXPECT_EQ(scheduler.next_wanted(), PageId{1});
   scheduler.remove(PageId{1}, 33);
-  EXPECT_EQ(scheduler.next_wanted(1), PageId{0});
+  EXPECT_EQ(scheduler.next_wanted(), PageId{0});
 }
 
 TEST(PageScheduler, LonelyPageIsNotForgottenHoweverFullOthersAre) {
-  PageScheduler scheduler(3);
+  PageScheduler scheduler(3, make_read_policy(ReadOrder::most_rays, 3, nullptr));
   scheduler.add(PageId{0}, 1, PageState::absent);
   scheduler.add(PageId{1}, 1000, PageState::absent);
   scheduler.add(PageId{2}, 1000, PageState::absent);
   bool picked = false;
   for (int i = 0; i < 200; ++i) {
-    picked = picked || scheduler.next_wanted(500) == PageId{0};
+    picked = picked || scheduler.next_wanted() == PageId{0};
   }
   EXPECT_TRUE(picked);
 }
 
 TEST(PageScheduler, ResidentPagesAreReadyInTheOrderTheyCame) {
-  PageScheduler scheduler(3);
+  PageScheduler scheduler(3, make_read_policy(ReadOrder::most_rays, 3, nullptr));
   scheduler.add(PageId{2}, 1, PageState::resident);
   scheduler.add(PageId{0}, 500, PageState::resident);
   scheduler.add(PageId{2}, 9, PageState::resident);
@@ -65,7 +64,7 @@ TEST(PageScheduler, ResidentPagesAreReadyInTheOrderTheyCame) {
 }
 
 TEST(PageScheduler, ReadyPageWhoseRaysWentIsPassedOver) {
-  PageScheduler scheduler(2);
+  PageScheduler scheduler(2, make_read_policy(ReadOrder::most_rays, 2, nullptr));
   scheduler.add(PageId{0}, 5, PageState::resident);
   scheduler.add(PageId{1}, 5, PageState::resident);
   scheduler.remove(PageId{0}, 5);
@@ -73,13 +72,14 @@ TEST(PageScheduler, ReadyPageWhoseRaysWentIsPassedOver) {
 }
 
 TEST(PageScheduler, PageThatCouldNotBeReadIsACandidateAgain) {
-  PageScheduler scheduler(1);
+  PageScheduler scheduler(1, make_read_policy(ReadOrder::most_rays, 1, nullptr));
   scheduler.add(PageId{0}, 5, PageState::absent);
   scheduler.reading(PageId{0});
   scheduler.add(PageId{0}, 5, PageState::reading);
-  EXPECT_FALSE(scheduler.anything_wanted());
+  EXPECT_EQ(scheduler.wanted_count(), 0u);
+  EXPECT_EQ(scheduler.wanted_rays(), 0u);
   scheduler.arrived(PageId{0}, false);
-  EXPECT_EQ(scheduler.next_wanted(10), PageId{0});
+  EXPECT_EQ(scheduler.next_wanted(), PageId{0});
   scheduler.reading(PageId{0});
   scheduler.arrived(PageId{0}, true);
   EXPECT_EQ(scheduler.take_ready(), PageId{0});
@@ -90,7 +90,8 @@ TEST(PageScheduler, NoPageWithRaysIsEverLost) {
   constexpr std::uint32_t kPages = 40;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     tests::Random random(seed);
-    PageScheduler scheduler(kPages);
+    const auto order = static_cast<ReadOrder>(seed % 4);
+    PageScheduler scheduler(kPages, make_read_policy(order, kPages, [](std::uint32_t page) { return 1000 + page; }));
     std::vector<std::uint32_t> rays(kPages);
     std::vector<PageState> state(kPages, PageState::absent);
     const auto run_all = [&](PageId page) {
@@ -113,7 +114,7 @@ TEST(PageScheduler, NoPageWithRaysIsEverLost) {
           break;
         }
         case 2:
-          if (const auto page = scheduler.next_wanted(random.below(40)); page) {
+          if (const auto page = random.below(9) == 0 ? scheduler.longest_wanted() : scheduler.next_wanted(); page) {
             ASSERT_EQ(state[index_of(*page)], PageState::absent);
             ASSERT_GT(rays[index_of(*page)], 0u);
             scheduler.reading(*page);
@@ -145,7 +146,7 @@ TEST(PageScheduler, NoPageWithRaysIsEverLost) {
     for (int step = 0; step < 100000 && std::accumulate(rays.begin(), rays.end(), 0u) > 0; ++step) {
       if (const auto page = scheduler.take_ready(); page) {
         run_all(*page);
-      } else if (const auto wanted = scheduler.next_wanted(1); wanted) {
+      } else if (const auto wanted = scheduler.next_wanted(); wanted) {
         scheduler.reading(*wanted);
         state[index_of(*wanted)] = PageState::reading;
       } else {
@@ -158,7 +159,8 @@ TEST(PageScheduler, NoPageWithRaysIsEverLost) {
       }
     }
     EXPECT_EQ(std::accumulate(rays.begin(), rays.end(), 0u), 0u) << "seed " << seed;
-    EXPECT_FALSE(scheduler.anything_wanted());
+    EXPECT_EQ(scheduler.wanted_count(), 0u);
+    EXPECT_EQ(scheduler.wanted_rays(), 0u);
   }
 }
 

@@ -15,12 +15,13 @@ namespace {
 
 class ResultWindowTest : public testing::Test {
  protected:
-  void make(std::uint32_t slots, Field asked, Field kept) {
+  void make(std::uint32_t blocks, Field asked, Field kept, std::uint32_t most_stragglers = 0) {
     ResultWindow::Config config;
     config.asked = HitLayout(asked);
     config.kept = HitLayout(kept);
     config.chunk_shift = 4;
-    config.slots = slots;
+    config.blocks = blocks;
+    config.most_stragglers = most_stragglers;
     config.spill_directory = folder_.path();
     window_ = std::move(*ResultWindow::create(config, ledger_));
     asked_ = config.asked;
@@ -94,7 +95,7 @@ TEST_F(ResultWindowTest, ChunksComeInTheOrderOfTheRaysWhateverTheOrderOfTheirEnd
   EXPECT_TRUE(window_->drained());
 }
 
-TEST_F(ResultWindowTest, LastFreeSlotIsKeptForReadingBack) {
+TEST_F(ResultWindowTest, LastFreeBlockIsKeptForReadingBack) {
   make(4, Field::t, Field::t);
   while (push()) {
   }
@@ -106,7 +107,7 @@ TEST_F(ResultWindowTest, SpilledChunksComeBackInOrderAndLeaveNoFile) {
   for (std::uint32_t i = 0; i < 1000; ++i) {
     while (!push()) {
       complete_all();
-      const auto spilled = window_->spill();
+      const auto spilled = window_->spill_done();
       ASSERT_TRUE(spilled);
       ASSERT_TRUE(*spilled);
     }
@@ -128,7 +129,7 @@ TEST_F(ResultWindowTest, NothingIsSpilledThatIsNotDone) {
   make(4, Field::t, Field::t);
   while (push()) {
   }
-  const auto spilled = window_->spill();
+  const auto spilled = window_->spill_done();
   ASSERT_TRUE(spilled);
   EXPECT_FALSE(*spilled);
 }
@@ -137,13 +138,13 @@ TEST_F(ResultWindowTest, FolderThatIsNotThereIsAnIoErrorThatNamesIt) {
   ResultWindow::Config config;
   config.asked = config.kept = HitLayout(Field::t);
   config.chunk_shift = 4;
-  config.slots = 4;
+  config.blocks = 4;
   config.spill_directory = folder_ / "none";
   window_ = std::move(*ResultWindow::create(config, ledger_));
   while (push()) {
   }
   complete_all();
-  const Status status = window_->spill().status();
+  const Status status = window_->spill_done().status();
   EXPECT_EQ(status.code(), ErrorCode::io);
   EXPECT_NE(status.message().find(config.spill_directory), std::string::npos) << status.message();
 }
@@ -161,16 +162,77 @@ TEST_F(ResultWindowTest, TnearsAreZeroUntilAskedForAndAgainWhenTheSlotIsFree) {
   EXPECT_EQ(window_->rows().tnear(number), 0);
 }
 
-TEST_F(ResultWindowTest, ClaimsRowsAndTnears) {
-  make(4, Field::t, Field::all);
-  EXPECT_EQ(ledger_.used_bytes(storage::Tag::results), 4u * 16 * (36 + 4));
+TEST_F(ResultWindowTest, ClaimsWhatItSaysAndGivesItBack) {
+  make(4, Field::t, Field::all, 10);
+  EXPECT_EQ(ledger_.used_bytes(storage::Tag::results), ResultWindow::bytes(4, 4, 10, 36));
+  EXPECT_GT(ResultWindow::bytes(4, 4, 10, 36), 4u * 16 * (36 + 4) + 10 * 40);
   window_.reset();
   EXPECT_EQ(ledger_.used_bytes(storage::Tag::results), 0u);
 }
 
+// One ray of each chunk is late; its row goes on being written after the others' rows went to disk.
+TEST_F(ResultWindowTest, LateRaysDoNotKeepTheirChunksInMemory) {
+  make(4, Field::t | Field::primitive_id, Field::t | Field::ids, 100);
+  std::vector<std::uint32_t> late;
+  for (std::uint32_t i = 0; i < 40 * 16; ++i) {
+    while (!push()) {
+      ASSERT_TRUE(window_->short_of_blocks());
+      for (const std::uint32_t number : numbers_) {
+        if (number % 16 == 5) {
+          late.push_back(number);
+        } else {
+          window_->complete(number);
+        }
+      }
+      numbers_.clear();
+      ASSERT_TRUE(window_->can_spill_open());
+      ASSERT_TRUE(window_->spill_open().ok());
+    }
+    if (numbers_.back() % 16 == 5) {
+      window_->tnears_of_filling()[5] = 0.25F;
+    }
+  }
+  EXPECT_FALSE(window_->deliverable());
+  EXPECT_GT(late.size(), 30u);
+  const HitLayout kept(Field::t | Field::ids);
+  for (const std::uint32_t number : late) {
+    EXPECT_EQ(window_->rows().tnear(number), 0.25F);
+    Hit hit = kept.read(window_->rows().row(number));
+    EXPECT_EQ(hit.primitive_id, 1000 + static_cast<std::uint32_t>(hit.t));
+    hit.geometry_id = 7;
+    kept.write(hit, window_->rows().row(number));
+    window_->complete(number);
+  }
+  window_->close_slot();
+  complete_all();
+  while (!window_->drained()) {
+    ASSERT_NO_FATAL_FAILURE(deliver());
+  }
+  EXPECT_EQ(delivered_, 40u * 16);
+}
+
+TEST_F(ResultWindowTest, StragglersAreNoMoreThanWasClaimed) {
+  make(8, Field::t, Field::t, 9);
+  while (push()) {
+  }
+  for (const std::uint32_t number : numbers_) {
+    if (number % 16 >= 4) {
+      window_->complete(number);  // four of each chunk are left
+    }
+  }
+  std::erase_if(numbers_, [](std::uint32_t number) { return number % 16 >= 4; });
+  ASSERT_TRUE(window_->spill_open().ok());
+  EXPECT_EQ(window_->spilled_bytes(), 2u * 16 * 4) << "two chunks with four late rays, not three";
+  EXPECT_FALSE(window_->can_spill_open());
+  complete_all();
+  while (!window_->drained()) {
+    ASSERT_NO_FATAL_FAILURE(deliver());
+  }
+}
+
 // Random pushes, ends, spills and fetches against nothing but the order.
 TEST_F(ResultWindowTest, AnyHistoryGivesEveryRowOnceInOrder) {
-  make(6, Field::t | Field::primitive_id, Field::t | Field::ids);
+  make(6, Field::t | Field::primitive_id, Field::t | Field::ids, 40);
   tests::Random random(8);
   for (int step = 0; step < 20000; ++step) {
     switch (random.below(5)) {
@@ -187,7 +249,9 @@ TEST_F(ResultWindowTest, AnyHistoryGivesEveryRowOnceInOrder) {
         break;
       case 3:
         if (random.below(8) == 0) {
-          ASSERT_TRUE(window_->spill());
+          ASSERT_TRUE(window_->spill_done());
+        } else if (random.below(8) == 0) {
+          ASSERT_TRUE(window_->spill_open().ok());
         }
         break;
       default:
