@@ -17,10 +17,10 @@
 namespace raymill {
 
 struct BuildConfig {
-  std::vector<std::string> scenes;      ///< .gltf or .glb files; geometry ids number on from file to file
-  std::string output;                   ///< NAME.mill; written to a temporary name beside it and renamed when whole
-  std::uint64_t memory = gibibytes(2);  ///< limit of the whole process
-  std::optional<std::uint32_t> scene_index;
+  std::vector<std::string> scenes = {};  ///< .gltf or .glb files; geometry ids number on from file to file
+  std::string output = {};               ///< NAME.mill; written to a temporary name beside it and renamed when whole
+  std::uint64_t memory = gibibytes(2);   ///< limit of the whole process
+  std::optional<std::uint32_t> scene_index = {};
   std::string positions = "float32";  ///< "float32", "lattice:STEP" (rounded down to a power of two) or "lattice:BITSb"
   std::string codec = "zstd";         ///< raw, lz4, zstd, draco (draco needs a lattice)
   unsigned width = 8;                 ///< children of a node: 4 or 8
@@ -28,7 +28,7 @@ struct BuildConfig {
   unsigned threads = 0;                 ///< 0: one for each core; the bytes of the store do not depend on it
   /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build") and a fraction in
   /// [0,1]; returns false to stop the build (interrupted).
-  std::function<bool(const char* phase, double fraction)> progress;
+  std::function<bool(const char* phase, double fraction)> progress = {};
 };
 
 /// Figures of a build, and its import report as JSON ({"counts":{"dropped_degenerate":{"code":100,"count":3}},...}).
@@ -59,11 +59,11 @@ Result<BuildReport> build(const BuildConfig& config);
 
 /// Triangles in the caller's memory; read during the call only.
 struct MeshView {
-  std::string_view name;                   ///< what `info` calls the geometry
-  std::span<const float> positions;        ///< [3 * vertex_count] x, y, z
-  std::span<const std::uint32_t> indices;  ///< [3 * triangle_count]; empty: each three vertices are a triangle
+  std::string_view name = {};                   ///< what `info` calls the geometry
+  std::span<const float> positions = {};        ///< [3 * vertex_count] x, y, z
+  std::span<const std::uint32_t> indices = {};  ///< [3 * triangle_count]; empty: each three vertices are a triangle
   /// Column-major; applied in float64 and rounded once. Left out: positions are in world space and kept bit for bit.
-  std::optional<std::array<double, 16>> world_from_mesh;
+  std::optional<std::array<double, 16>> world_from_mesh = {};
 };
 
 /// Streams meshes from any pipeline into a store, under the same memory limit and with the same result as build().

@@ -1,0 +1,208 @@
+// Stores of many runs: small runs of small scenes, which go every way that a scene of billions goes.
+#include "storage/io/store_builder.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "tests/support/stores.h"
+
+namespace raymill::storage {
+namespace {
+
+using tests::Random;
+using tests::Scene;
+using tests::TempFolder;
+
+struct Case {
+  const char* name;
+  std::function<Scene()> make;
+};
+
+std::vector<Case> cases() {
+  return {
+      {"soups",
+       [] {
+         Random random(1);
+         return Scene{tests::soup(random, 5000), tests::soup(random, 2000, 0.01F)};
+       }},
+      {"grids",
+       [] {
+         return Scene{tests::grid(40, 0.2F), tests::moved(tests::grid(30), {0.5F, 0.5F, 0})};
+       }},
+      {"nested_shells", [] { return Scene{tests::nested_shells(5000)}; }},
+      {"needles",
+       [] {
+         Random random(2);
+         return Scene{tests::needles(random, 4000)};
+       }},
+      {"coincident",
+       [] {
+         return Scene{tests::coincident(3000), tests::grid(10)};
+       }},
+      {"cluster_with_one_far_away",
+       [] {
+         Random random(3);
+         return Scene{tests::soup(random, 4000, 0.01F), tests::moved(tests::grid(1), {2e3F, 2e3F, 2e3F})};
+       }},
+  };
+}
+
+std::uint64_t triangles_in(const Scene& scene) {
+  std::uint64_t count = 0;
+  for (const tests::Mesh& mesh : scene) {
+    count += mesh.size();
+  }
+  return count;
+}
+
+class RunsOf : public testing::TestWithParam<std::size_t> {
+ protected:
+  BuildConfig config(const std::string& name) const {
+    BuildConfig config = tests::small_pages();
+    config.output = folder_ / name;
+    return config;
+  }
+  const Scene scene_ = cases()[GetParam()].make();
+  TempFolder folder_;
+};
+INSTANTIATE_TEST_SUITE_P(Scenes, RunsOf, testing::Range(std::size_t{0}, cases().size()),
+                         [](const auto& scene) { return cases()[scene.param].name; });
+
+TEST_P(RunsOf, VerifyInEveryLayout) {
+  for (const unsigned width : {4u, 8u}) {
+    for (const std::uint64_t run_triangles : {64u, 500u}) {
+      for (const auto& [codec, positions] : {std::pair("raw", "float32"), std::pair("lz4", "float32"),
+                                             std::pair("zstd", "lattice:24b"), std::pair("draco", "lattice:24b")}) {
+        SCOPED_TRACE("width " + std::to_string(width) + ", runs of " + std::to_string(run_triangles) + ", " + codec);
+        BuildConfig layout = config("scene.mill");
+        layout.width = width;
+        layout.codec = codec;
+        layout.positions = positions;
+        const auto report = tests::build_in_runs(scene_, layout, run_triangles);
+        ASSERT_TRUE(report) << report.status().message();
+        EXPECT_GE(report->runs, report->triangles / run_triangles);
+        EXPECT_LE(report->levels, max_levels(width));
+        const auto verified = verify(layout.output);
+        ASSERT_TRUE(verified) << verified.status().message();
+        EXPECT_EQ(verified->triangles, report->triangles);
+        EXPECT_EQ(verified->pages, report->pages);
+        EXPECT_EQ(std::filesystem::file_size(layout.output), report->store_bytes);
+        if (positions == std::string("float32")) {
+          EXPECT_EQ(report->triangles, triangles_in(scene_));
+        }
+      }
+    }
+  }
+  EXPECT_EQ(folder_.files(), 1u);
+}
+
+TEST_P(RunsOf, GiveTheSameBytesForAnyThreadsAndMemory) {
+  for (const std::string positions : {"float32", "lattice:16b"}) {
+    BuildConfig layout = config("scene.mill");
+    layout.positions = positions;
+    const auto first = tests::build_in_runs(scene_, layout, 64);
+    ASSERT_TRUE(first) << first.status().message();
+    EXPECT_EQ(first->temporary_bytes, 0u);
+    const std::string bytes = tests::read_file(layout.output);
+    for (const unsigned threads : {1u, 2u, 4u}) {
+      BuildConfig other = config("other.mill");
+      other.positions = positions;
+      other.threads = threads;
+      ASSERT_TRUE(tests::build_in_runs(scene_, other, 64));
+      EXPECT_EQ(tests::read_file(other.output) == bytes, true) << threads << " threads";
+      const auto least = tests::build_in_least_memory(scene_, other, 64);
+      ASSERT_TRUE(least) << least.status().message();
+      EXPECT_GT(least->temporary_bytes, 0u) << "with little memory the triangles wait on disk";
+      EXPECT_EQ(tests::read_file(other.output) == bytes, true) << threads << " threads, least memory";
+      EXPECT_EQ(folder_.files(), 2u);
+    }
+    EXPECT_EQ(std::filesystem::remove(folder_ / "other.mill"), true);
+  }
+}
+
+TEST(StoreBuilder, RunsAreAsManyAtOnceAsMemoryAllows) {
+  Random random(1);
+  const Scene scene{tests::soup(random, 5000)};
+  const TempFolder folder;
+  BuildConfig config = tests::small_pages();
+  config.output = folder / "scene.mill";
+  config.threads = 4;
+  const auto plenty = tests::build_in_runs(scene, config, 64);
+  ASSERT_TRUE(plenty);
+  EXPECT_EQ(plenty->runs_at_once, 5u) << "one is read while four are built";
+  const auto least = tests::build_in_least_memory(scene, config, 64);
+  ASSERT_TRUE(least) << least.status().message();
+  EXPECT_LE(least->runs_at_once, 2u);
+  config.memory = gibibytes(1);
+  const auto one = tests::build_in_runs({tests::grid(3)}, config, 64);
+  ASSERT_TRUE(one);
+  EXPECT_EQ(one->runs_at_once, 1u) << "there is only one";
+}
+
+TEST(StoreBuilder, TooLittleMemoryIsSaidWithTheLeastThatWouldDo) {
+  Random random(1);
+  const Scene scene{tests::soup(random, 5000)};
+  const TempFolder folder;
+  BuildConfig config = tests::small_pages();
+  config.output = folder / "scene.mill";
+  ASSERT_TRUE(tests::build_in_least_memory(scene, config, 500));
+  const std::uint64_t least = config.memory;
+  ASSERT_TRUE(std::filesystem::remove(config.output));
+  for (config.memory = least - mebibytes(1); config.memory > mebibytes(1); config.memory -= mebibytes(1)) {
+    const auto refused = tests::build_in_runs(scene, config, 500);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.status().code(), ErrorCode::budget_exceeded);
+    EXPECT_NE(refused.status().message().find("needs at least"), std::string::npos) << refused.status().message();
+    EXPECT_EQ(folder.files(), 0u);
+  }
+}
+
+TEST(StoreBuilder, StoppedAnywhereItLeavesTheOldStoreAndNothingElse) {
+  Random random(1);
+  const Scene scene{tests::soup(random, 5000)};
+  const TempFolder folder;
+  BuildConfig config = tests::small_pages();
+  config.output = folder / "scene.mill";
+  config.threads = 2;
+  int calls = 0;
+  config.progress = [&](const char*, double) {
+    ++calls;
+    return true;
+  };
+  ASSERT_TRUE(tests::build_in_runs(scene, config, 64));
+  const std::string before = tests::read_file(config.output);
+  const int all = calls;
+  ASSERT_GT(all, 50);
+  for (int stop_at = 0; stop_at < all; stop_at += 11) {
+    calls = 0;
+    config.progress = [&](const char*, double) { return calls++ != stop_at; };
+    EXPECT_EQ(tests::build_in_runs(scene, config, 64).status().code(), ErrorCode::interrupted);
+    EXPECT_EQ(calls, stop_at + 1) << "nothing goes on after it";
+    EXPECT_EQ(tests::read_file(config.output) == before, true);
+    EXPECT_EQ(folder.files(), 1u);
+  }
+}
+
+TEST(StoreBuilder, TrianglesThatTheLatticeDropsAreReportedOnce) {
+  Random random(1);
+  const Scene scene{tests::soup(random, 2000), tests::moved(tests::soup(random, 700), {}, 1e-5F)};
+  const TempFolder folder;
+  BuildConfig config = tests::small_pages();
+  config.output = folder / "scene.mill";
+  config.positions = "lattice:10b";
+  auto triangles = tests::triangles_of(scene);
+  const auto snapped = snap_to_lattice(*parse_positions(config.positions), triangles);
+  ASSERT_TRUE(snapped);
+  ASSERT_GE(snapped->dropped_degenerate, 700u);
+  const auto report = tests::build_in_runs(scene, config, 64);
+  ASSERT_TRUE(report) << report.status().message();
+  EXPECT_EQ(report->triangles, triangles.size());
+  EXPECT_EQ(report->max_displacement, snapped->max_displacement);
+  const std::string count = "\"count\":" + std::to_string(snapped->dropped_degenerate) + "}";
+  EXPECT_NE(report->import_json.find(count), std::string::npos) << report->import_json;
+  EXPECT_NE(report->import_json.find("\"kept\":" + std::to_string(triangles.size())), std::string::npos);
+}
+
+}  // namespace
+}  // namespace raymill::storage
