@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,6 +50,7 @@ struct BuildReport {
   double partition_seconds = 0;
   double build_seconds = 0;
   std::uint64_t peak_rss_bytes = 0;
+  std::map<std::string, std::uint64_t> peak_bytes_by_tag;  ///< most that was claimed for each use of memory
   std::string import_json;
 };
 
