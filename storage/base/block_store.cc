@@ -94,7 +94,12 @@ Result<BlockId> BlockStore::write(std::span<const std::byte> bytes) {
 Status BlockStore::read(BlockId block, std::span<std::byte> out) const {
   const auto number = static_cast<std::uint32_t>(block);
   if ((number & kInFile) == 0) {
-    std::memcpy(out.data(), in_memory(number), out.size());
+    const std::byte* from = nullptr;
+    {
+      const std::lock_guard lock(mutex_);  // write() may add a slab
+      from = in_memory(number);
+    }
+    std::memcpy(out.data(), from, out.size());
     return {};
   }
   const std::uint64_t offset = std::uint64_t(number & ~kInFile) * kBlockBytes;

@@ -56,7 +56,8 @@ struct BuildReport {
 
 /// Errors: not_found, io, disk_full, bad_scene, unsupported, invalid_argument, budget_exceeded, interrupted.
 /// On any error nothing is left at `output` that was not there before. Scenes larger than `memory` go through a
-/// temporary file beside the output, about 44 bytes a triangle; it has no name and ends with the process.
+/// temporary file beside the output (in TMPDIR where the output is a device or a pipe), about 44 bytes a triangle; it
+/// has no name and ends with the process.
 Result<BuildReport> build(const BuildConfig& config);
 
 /// Triangles in the caller's memory; read during the call only.

@@ -185,6 +185,23 @@ TEST(BlockStore, BlocksAreReadAndReleasedByManyThreadsAtOnce) {
   EXPECT_EQ(store.file_bytes(), fullest) << "each block was given back once";
 }
 
+TEST(BlockStore, BlocksAreReadWhileOthersAreWritten) {
+  const TempFolder folder;
+  Ledger ledger(gibibytes(1));
+  BlockStore store(ledger, folder.path());
+  const BlockId first = write(store, block_of(0));
+  const Block expected = block_of(0, 100);
+  std::thread writer([&] {
+    for (std::size_t i = 1; i < 20 * kSlabBlocks; ++i) {
+      write(store, {});
+    }
+  });
+  for (int i = 0; i < 200; ++i) {
+    ASSERT_EQ(read(store, first, 100) == expected, true);
+  }
+  writer.join();
+}
+
 // Ends the process with 0 where a store on a full disk says so and keeps what it had.
 [[noreturn]] void fill(const std::string& folder) {
   Ledger ledger(0);

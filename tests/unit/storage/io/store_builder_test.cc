@@ -140,6 +140,17 @@ TEST(StoreBuilder, RunsAreAsManyAtOnceAsMemoryAllows) {
   EXPECT_EQ(one->runs_at_once, 1u) << "there is only one";
 }
 
+TEST(StoreBuilder, TemporaryFileOfAStoreThatGoesToADeviceIsNotBesideIt) {
+  Random random(1);
+  const Scene scene{tests::soup(random, 5000)};
+  BuildConfig config = tests::small_pages();
+  config.output = "/dev/null";
+  const auto report = tests::build_in_least_memory(scene, config, 64);
+  ASSERT_TRUE(report) << report.status().message();
+  EXPECT_GT(report->temporary_bytes, 0u);
+  EXPECT_EQ(report->temporary_folder, std::filesystem::temp_directory_path());
+}
+
 TEST(StoreBuilder, TooLittleMemoryIsSaidWithTheLeastThatWouldDo) {
   Random random(1);
   const Scene scene{tests::soup(random, 5000)};
