@@ -99,7 +99,14 @@ TEST(CellGrid, EveryTriangleIsInOneLeafWhateverTheScene) {
 
 TEST(CellGrid, PartsHaveAnEighthOfARunWhereAPlaneAllowsIt) {
   Random random(2);
-  for (const Mesh& mesh : {tests::soup(random, 100000), tests::needles(random, 50000), tests::grid(200, 0.1F)}) {
+  // A few far off, which the heuristic alone would cut off at once.
+  Mesh few_far_off = tests::soup(random, 50000);
+  for (const float side : {-6.0F, 6.0F}) {
+    const Mesh few = tests::moved(tests::soup(random, 20), {side, 0, 0}, 0.1F);
+    few_far_off.insert(few_far_off.end(), few.begin(), few.end());
+  }
+  for (const Mesh& mesh :
+       {tests::soup(random, 100000), tests::needles(random, 50000), tests::grid(200, 0.1F), few_far_off}) {
     for (const std::uint64_t run_triangles : {1000u, 5000u}) {
       const Counted counted = count(mesh, run_triangles);
       check(counted, run_triangles);
