@@ -4,9 +4,11 @@
 #include <optional>
 
 #include "client/cli/interrupt.h"
+#include "client/cli/manifest.h"
 #include "client/cli/options.h"
 #include "client/cli/verbs.h"
 #include "client/cpp/raymill.h"
+#include "storage/base/atomic_file.h"
 
 namespace raymill::client {
 
@@ -15,9 +17,23 @@ namespace {
 struct Options {
   BuildConfig config;
   std::uint64_t page_bytes = BuildConfig().page_bytes;
+  std::string manifest;
+  std::string stats;
   std::string progress;
   bool json = false;
 };
+
+// Scenes that were named on the command line come first.
+Status add_manifest(Options& options) {
+  if (!options.manifest.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(const std::vector<std::string> listed, read_manifest(options.manifest));
+    options.config.scenes.insert(options.config.scenes.end(), listed.begin(), listed.end());
+  }
+  if (options.config.scenes.empty()) {
+    return {ErrorCode::invalid_argument, "SCENE or --manifest is required; see 'raymill build --help'"};
+  }
+  return {};
+}
 
 Status run(Options& options) {
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
@@ -25,6 +41,11 @@ Status run(Options& options) {
     return {ErrorCode::invalid_argument, "--page-size goes from 16K to 1M"};
   }
   options.config.page_bytes = static_cast<std::uint32_t>(options.page_bytes);
+  RAYMILL_RETURN_IF_ERROR(add_manifest(options));
+  std::optional<storage::AtomicFile> stats;  // a folder that is not there is found before the work
+  if (!options.stats.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(stats, storage::AtomicFile::create(options.stats));
+  }
   std::optional<Progress> progress(style);
   options.config.progress = [&](const char* phase, double fraction) {
     progress->report(phase, fraction);
@@ -35,8 +56,11 @@ Status run(Options& options) {
   if (!report) {
     return interrupted() ? interrupted_status() : report.status();
   }
-  return options.json ? print_json(build_json(*report, options.config.output))
-                      : print(build_text(*report, options.config.output));
+  const nlohmann::json object = build_json(*report, options.config.output);
+  if (stats) {
+    RAYMILL_RETURN_IF_ERROR(write_json(*stats, object));
+  }
+  return options.json ? print_json(object) : print(build_text(*report, options.config.output));
 }
 
 }  // namespace
@@ -48,10 +72,14 @@ Verb add_build(CLI::App& app) {
       "\nReads .gltf and .glb files (Draco too), flattens their nodes to world space and writes one store. The store "
       "is\n"
       "written under a temporary name and renamed when whole. The same scenes give the same bytes.\n\n"
-      "  raymill build city.gltf -o city.mill --memory 1G");
+      "  raymill build city.gltf -o city.mill --memory 1G\n"
+      "  raymill build --manifest tiles.txt -o country.mill --stats build.json");
   verb->add_option("SCENE", options->config.scenes, ".gltf or .glb files; geometry ids number on from file to file")
-      ->required()
       ->type_name("");
+  verb->add_option("--manifest", options->manifest,
+                   "A text file that lists more scenes, one a line, relative to its folder; empty lines and lines that "
+                   "begin with # are left out")
+      ->type_name("FILE");
   verb->add_option("-o,--output", options->config.output, "The store to write")->required()->type_name("X.mill");
   add_parsed(*verb, "--memory", options->config.memory, parse_bytes,
              "Limit of the whole process: bytes, or with K, M, G, T. Default 2G", "SIZE");
@@ -74,6 +102,8 @@ Verb add_build(CLI::App& app) {
   verb->add_option("--scene", options->config.scene_index, "Index of the glTF scene; left out: the file's default")
       ->type_name("I");
   add_progress_option(*verb, options->progress);
+  verb->add_option("--stats", options->stats, "Write what --json prints to this file, memory peaks by use included")
+      ->type_name("FILE.json");
   add_json_flag(*verb, options->json);
   return {verb, [options] { return run(*options); }};
 }

@@ -104,16 +104,29 @@ Status print(const std::string& text) {
           std::string("cannot write to standard output: ") + std::strerror(errno)};
 }
 
-Status print_json(const nlohmann::json& object) { return print(object.dump(2) + "\n"); }
+namespace {
+
+// File names need not be UTF-8.
+std::string text_of(const nlohmann::json& object) {
+  return object.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+Status print_json(const nlohmann::json& object) { return print(text_of(object)); }
+
+Status write_json(storage::AtomicFile& file, const nlohmann::json& object) {
+  const std::string text = text_of(object);
+  RAYMILL_RETURN_IF_ERROR(file.write(std::as_bytes(std::span(text))));
+  return file.commit();
+}
 
 Status write_stats(const ServiceOptions& options, const JobStats& stats, const RunTimes& times) {
   if (options.stats_path.empty()) {
     return {};
   }
   RAYMILL_ASSIGN_OR_RETURN(auto file, storage::AtomicFile::create(options.stats_path));
-  const std::string text = stats_json(stats, times, options.memory, options.thread_count()).dump(2) + "\n";
-  RAYMILL_RETURN_IF_ERROR(file.write(std::as_bytes(std::span(text))));
-  return file.commit();
+  return write_json(file, stats_json(stats, times, options.memory, options.thread_count()));
 }
 
 JobStats with_peak(JobStats stats, const ServiceOptions& options) {

@@ -9,6 +9,7 @@
 #include "client/cli/parse.h"
 #include "client/cli/progress.h"
 #include "client/cli/report.h"
+#include "storage/base/atomic_file.h"
 #include "traversal/engine.h"
 #include "traversal/service.h"
 
@@ -69,6 +70,8 @@ void add_progress_option(CLI::App& app, std::string& style);
 /// Prints to stdout; a reader that went away is not an error.
 Status print(const std::string& text);
 Status print_json(const nlohmann::json& object);
+/// Writes the object and gives the file its name.
+Status write_json(storage::AtomicFile& file, const nlohmann::json& object);
 /// Writes the stats object where a path is given.
 Status write_stats(const ServiceOptions& options, const JobStats& stats, const RunTimes& times);
 

@@ -148,6 +148,7 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"temporary_bytes", report.temporary_bytes},
       {"temporary_folder", report.temporary_folder},
       {"peak_rss_bytes", report.peak_rss_bytes},
+      {"peak_bytes_by_tag", report.peak_bytes_by_tag},
       {"import", parsed(report.import_json)}};
 }
 

@@ -1,9 +1,12 @@
 #include "storage/base/atomic_file.h"
 
+#include <dirent.h>
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <climits>
@@ -11,6 +14,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <string_view>
 
 namespace raymill::storage {
 
@@ -35,12 +39,83 @@ std::string follow_link(const std::string& path) {
   return real ? std::string(real.get()) : path;
 }
 
+std::size_t name_begin(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  return slash == std::string::npos ? 0 : slash + 1;
+}
+
+// What the names of all temporaries of a target begin with: "NAME.".
+std::string temporary_prefix(const std::string& target) {
+  return target.substr(name_begin(target), kMaxNameInTemporary) + ".";
+}
+
 std::string temporary_name(const std::string& target) {
   static std::atomic<unsigned> counter{0};
-  const std::size_t slash = target.rfind('/');
-  const std::size_t name_begin = slash == std::string::npos ? 0 : slash + 1;
-  return target.substr(0, name_begin) + target.substr(name_begin, kMaxNameInTemporary) + "." +
-         std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".tmp";
+  return target.substr(0, name_begin(target)) + temporary_prefix(target) + std::to_string(::getpid()) + "-" +
+         std::to_string(counter++) + ".tmp";
+}
+
+// NAME.PID-N.tmp, as temporary_name() makes it.
+bool is_temporary(std::string_view name, std::string_view prefix) {
+  const auto skip_number = [&name] {
+    const std::size_t digits = std::min(name.find_first_not_of("0123456789"), name.size());
+    name.remove_prefix(digits);
+    return digits > 0;
+  };
+  const auto skip = [&name](std::string_view text) {
+    const bool there = name.substr(0, text.size()) == text;
+    name.remove_prefix(there ? text.size() : 0);
+    return there;
+  };
+  return skip(prefix) && skip_number() && skip("-") && skip_number() && name == ".tmp";
+}
+
+enum class Lock : std::uint8_t { taken, held_by_another, impossible };
+
+Lock lock(int descriptor) {
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) {
+    return Lock::taken;
+  }
+  return errno == EWOULDBLOCK ? Lock::held_by_another : Lock::impossible;
+}
+
+// Whoever removes a temporary that is not its own holds its lock; so between the look and the removal the name cannot
+// come to mean another file.
+void remove_if_abandoned(int folder, const char* name) {
+  const int file = ::openat(folder, name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  if (file < 0) {
+    return;
+  }
+  struct stat opened {
+  }, named{};
+  if (::fstat(file, &opened) == 0 && S_ISREG(opened.st_mode) && lock(file) == Lock::taken &&
+      ::fstatat(folder, name, &named, AT_SYMLINK_NOFOLLOW) == 0 && named.st_ino == opened.st_ino &&
+      named.st_dev == opened.st_dev) {
+    ::unlinkat(folder, name, 0);
+  }
+  ::close(file);
+}
+
+void remove_abandoned(const std::string& target) {
+  const std::string folder = target.substr(0, name_begin(target));
+  const std::unique_ptr<DIR, int (*)(DIR*)> entries(::opendir(folder.empty() ? "." : folder.c_str()), &::closedir);
+  if (!entries) {
+    return;
+  }
+  const std::string prefix = temporary_prefix(target);
+  while (const dirent* entry = ::readdir(entries.get())) {
+    if (is_temporary(entry->d_name, prefix)) {
+      remove_if_abandoned(::dirfd(entries.get()), entry->d_name);
+    }
+  }
+}
+
+// Whether the temporary that was just made is ours: another process may have taken it for abandoned before it was
+// locked.
+bool keep(int descriptor) {
+  struct stat made {};
+  const Lock locked = lock(descriptor);
+  return locked == Lock::impossible || (locked == Lock::taken && ::fstat(descriptor, &made) == 0 && made.st_nlink > 0);
 }
 
 }  // namespace
@@ -59,14 +134,17 @@ Result<AtomicFile> AtomicFile::create(const std::string& path) {
     file.descriptor_ = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
     return file.descriptor_ >= 0 ? Result<AtomicFile>(std::move(file)) : error("write", path, errno);
   }
+  remove_abandoned(file.path_);
   // A name may be taken: by another machine on the same share, or left by a killed process that had our id.
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
     file.temporary_path_ = temporary_name(file.path_);
     file.descriptor_ = ::open(file.temporary_path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (file.descriptor_ >= 0) {
+    if (file.descriptor_ >= 0 && keep(file.descriptor_)) {
       return file;
     }
-    if (errno != EEXIST) {
+    if (file.descriptor_ >= 0) {
+      ::close(std::exchange(file.descriptor_, -1));
+    } else if (errno != EEXIST) {
       break;
     }
   }
@@ -77,10 +155,10 @@ AtomicFile::~AtomicFile() {
   if (descriptor_ < 0) {
     return;
   }
-  ::close(descriptor_);
   if (temporary_path_ != path_) {
     ::unlink(temporary_path_.c_str());
   }
+  ::close(descriptor_);
 }
 
 Status AtomicFile::write(std::span<const std::byte> bytes) {
@@ -114,6 +192,16 @@ Status AtomicFile::pwrite(std::span<const std::byte> bytes, std::uint64_t offset
 }
 
 Status AtomicFile::commit() {
+  // A second descriptor keeps the lock until the file has its name.
+  const int still_locked = ::fcntl(descriptor_, F_DUPFD_CLOEXEC, 0);
+  const Status status = close_and_rename();
+  if (still_locked >= 0) {
+    ::close(still_locked);
+  }
+  return status;
+}
+
+Status AtomicFile::close_and_rename() {
   // Some file systems report a full disk only here. Linux closes the descriptor whatever close() answers.
   const int closed = ::close(std::exchange(descriptor_, -1));
   const int close_errno = errno;

@@ -3,6 +3,10 @@
 // Bytes go to a temporary name beside the target (NAME.PID-N.tmp) and the file is renamed by commit(); destruction
 // without commit() removes the temporary. A target that is a symbolic link is replaced where it points to. A target
 // that exists and is not a plain file (a device, a pipe) is written directly: there is nothing to rename.
+//
+// A killed process leaves its temporary. The next create() of the same target removes it: a temporary is locked (flock)
+// from its first moment to its last, so one that can be locked has no writer. Where the file system has no locks
+// nothing is removed; where locks do not reach other machines, two of them must not write one target at a time.
 // Thread-compatible; pwrite() of ranges that do not overlap may run in several threads.
 #pragma once
 
@@ -17,7 +21,8 @@ namespace raymill::storage {
 
 class AtomicFile {
  public:
-  /// Opens the temporary. Errors: invalid_argument (a directory), not_found (no such folder), disk_full, io.
+  /// Opens the temporary and removes abandoned ones of the same target. Errors: invalid_argument (a directory),
+  /// not_found (no such folder), disk_full, io.
   static Result<AtomicFile> create(const std::string& path);
 
   AtomicFile(AtomicFile&& other) noexcept { swap(other); }
@@ -44,6 +49,7 @@ class AtomicFile {
 
  private:
   AtomicFile() = default;
+  Status close_and_rename();
   void swap(AtomicFile& other) noexcept {
     std::swap(path_, other.path_);
     std::swap(temporary_path_, other.temporary_path_);

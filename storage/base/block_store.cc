@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cassert>
 #include <cerrno>
 #include <cstring>
@@ -61,7 +62,7 @@ Result<BlockId> BlockStore::write(std::span<const std::byte> bytes) {
   if (!free_memory_.empty() || add_slab()) {
     const std::uint32_t block = free_memory_.back();
     free_memory_.pop_back();
-    std::memcpy(in_memory(block), bytes.data(), bytes.size());
+    std::copy(bytes.begin(), bytes.end(), in_memory(block));
     return BlockId{block};
   }
   if (descriptor_ < 0) {
@@ -94,7 +95,12 @@ Result<BlockId> BlockStore::write(std::span<const std::byte> bytes) {
 Status BlockStore::read(BlockId block, std::span<std::byte> out) const {
   const auto number = static_cast<std::uint32_t>(block);
   if ((number & kInFile) == 0) {
-    std::memcpy(out.data(), in_memory(number), out.size());
+    const std::byte* from = nullptr;
+    {
+      const std::lock_guard lock(mutex_);  // write() may add a slab
+      from = in_memory(number);
+    }
+    std::copy_n(from, out.size(), out.begin());
     return {};
   }
   const std::uint64_t offset = std::uint64_t(number & ~kInFile) * kBlockBytes;

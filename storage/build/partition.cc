@@ -75,7 +75,7 @@ class Partitioner {
       buckets.resize(nodes.size());
       slot_of_cell_.assign(grid.cell_count(), 0);
       RAYMILL_RETURN_IF_ERROR(distribute(grid, nodes, 0, std::move(all), snap, buckets));
-      slot_of_cell_ = {};
+      slot_of_cell_ = std::vector<std::uint32_t>();
     }
     return gather(nodes, 0, buckets);
   }

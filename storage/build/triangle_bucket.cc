@@ -16,7 +16,7 @@ Status BucketWriter::flush() {
 
 Result<TriangleBucket> BucketWriter::take() {
   RAYMILL_RETURN_IF_ERROR(flush());
-  buffer_ = {};
+  buffer_ = std::vector<Triangle>();  // = {} would keep its memory
   return std::exchange(bucket_, {});
 }
 

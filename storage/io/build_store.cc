@@ -140,8 +140,9 @@ Status StoreWriter::add(const MeshView& mesh) {
 Result<BuildReport> StoreWriter::finish() {
   RAYMILL_RETURN_IF_ERROR(impl_->failure);
   impl_->failure = {ErrorCode::invalid_argument, "the store is finished; nothing can be added to it"};
+  const std::unique_ptr<StoreBuilder> builder = std::move(impl_->builder);  // its memory and files end with the call
   try {
-    return impl_->builder->finish();
+    return builder->finish();
   } catch (const std::bad_alloc&) {
     return no_memory();
   }

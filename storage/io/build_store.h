@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -17,10 +18,10 @@
 namespace raymill {
 
 struct BuildConfig {
-  std::vector<std::string> scenes;      ///< .gltf or .glb files; geometry ids number on from file to file
-  std::string output;                   ///< NAME.mill; written to a temporary name beside it and renamed when whole
-  std::uint64_t memory = gibibytes(2);  ///< limit of the whole process
-  std::optional<std::uint32_t> scene_index;
+  std::vector<std::string> scenes = {};  ///< .gltf or .glb files; geometry ids number on from file to file
+  std::string output = {};               ///< NAME.mill; written to a temporary name beside it and renamed when whole
+  std::uint64_t memory = gibibytes(2);   ///< limit of the whole process
+  std::optional<std::uint32_t> scene_index = {};
   std::string positions = "float32";  ///< "float32", "lattice:STEP" (rounded down to a power of two) or "lattice:BITSb"
   std::string codec = "zstd";         ///< raw, lz4, zstd, draco (draco needs a lattice)
   unsigned width = 8;                 ///< children of a node: 4 or 8
@@ -28,7 +29,7 @@ struct BuildConfig {
   unsigned threads = 0;                 ///< 0: one for each core; the bytes of the store do not depend on it
   /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build") and a fraction in
   /// [0,1]; returns false to stop the build (interrupted).
-  std::function<bool(const char* phase, double fraction)> progress;
+  std::function<bool(const char* phase, double fraction)> progress = {};
 };
 
 /// Figures of a build, and its import report as JSON ({"counts":{"dropped_degenerate":{"code":100,"count":3}},...}).
@@ -49,21 +50,23 @@ struct BuildReport {
   double partition_seconds = 0;
   double build_seconds = 0;
   std::uint64_t peak_rss_bytes = 0;
+  std::map<std::string, std::uint64_t> peak_bytes_by_tag;  ///< most that was claimed for each use of memory
   std::string import_json;
 };
 
 /// Errors: not_found, io, disk_full, bad_scene, unsupported, invalid_argument, budget_exceeded, interrupted.
 /// On any error nothing is left at `output` that was not there before. Scenes larger than `memory` go through a
-/// temporary file beside the output, about 44 bytes a triangle; it has no name and ends with the process.
+/// temporary file beside the output (in TMPDIR where the output is a device or a pipe), about 44 bytes a triangle; it
+/// has no name and ends with the process.
 Result<BuildReport> build(const BuildConfig& config);
 
 /// Triangles in the caller's memory; read during the call only.
 struct MeshView {
-  std::string_view name;                   ///< what `info` calls the geometry
-  std::span<const float> positions;        ///< [3 * vertex_count] x, y, z
-  std::span<const std::uint32_t> indices;  ///< [3 * triangle_count]; empty: each three vertices are a triangle
+  std::string_view name = {};                   ///< what `info` calls the geometry
+  std::span<const float> positions = {};        ///< [3 * vertex_count] x, y, z
+  std::span<const std::uint32_t> indices = {};  ///< [3 * triangle_count]; empty: each three vertices are a triangle
   /// Column-major; applied in float64 and rounded once. Left out: positions are in world space and kept bit for bit.
-  std::optional<std::array<double, 16>> world_from_mesh;
+  std::optional<std::array<double, 16>> world_from_mesh = {};
 };
 
 /// Streams meshes from any pipeline into a store, under the same memory limit and with the same result as build().

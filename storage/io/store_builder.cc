@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <thread>
 #include <utility>
 
@@ -22,7 +23,13 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-std::string folder_of(const std::string& path) {
+// Beside the output, where there is room for a store. Beside a device there is none: /dev is memory.
+std::string temporary_folder(const AtomicFile& output) {
+  if (output.temporary_path() == output.path()) {
+    std::error_code ignored;
+    return std::filesystem::temp_directory_path(ignored);
+  }
+  const std::string& path = output.temporary_path();
   const std::size_t slash = path.find_last_of('/');
   return slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
 }
@@ -69,7 +76,7 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       run_triangles_(run_triangles),
       probe_(std::move(probe)),
       ledger_(config.memory),
-      blocks_(ledger_, folder_of(probe_.temporary_path())),
+      blocks_(ledger_, temporary_folder(probe_)),
       spool_(blocks_) {}
 
 Status StoreBuilder::claim_base() {
@@ -225,6 +232,11 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.temporary_folder = blocks_.folder();
   report_.build_seconds = seconds_since(build_start);
   report_.peak_rss_bytes = peak_resident_bytes();
+  for (auto tag = Tag::base; tag < Tag::count; tag = static_cast<Tag>(static_cast<unsigned>(tag) + 1)) {
+    if (const std::uint64_t peak = ledger_.peak_bytes(tag); peak > 0) {
+      report_.peak_bytes_by_tag.emplace(to_string(tag), peak);
+    }
+  }
   return report_;
 }
 

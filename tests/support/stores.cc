@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "storage/import/triangle_filter.h"
+#include "storage/io/store_builder.h"
+
 namespace raymill::tests {
 
 std::string build_store(const TempFolder& folder, const std::string& name, const Scene& scene, BuildConfig config) {
@@ -12,6 +15,33 @@ std::string build_store(const TempFolder& folder, const std::string& name, const
   const Result<BuildReport> report = build(config);
   EXPECT_TRUE(report.ok()) << report.status().message();
   return config.output;
+}
+
+Result<BuildReport> build_in_runs(const Scene& scene, const BuildConfig& config, std::uint64_t run_triangles) {
+  RAYMILL_ASSIGN_OR_RETURN(const auto builder, storage::StoreBuilder::create(config, run_triangles));
+  storage::ImportReport& report = builder->import_report();
+  storage::TriangleWriter writer(*builder, report);
+  for (const Mesh& mesh : scene) {
+    storage::GeometryInfo& geometry = report.geometries.emplace_back();
+    geometry.node = geometry.mesh = "mesh" + std::to_string(report.geometries.size());
+    writer.begin_geometry();
+    for (const Corners& corners : mesh) {
+      RAYMILL_RETURN_IF_ERROR(writer.add(corners));
+    }
+    RAYMILL_RETURN_IF_ERROR(writer.flush());
+  }
+  return builder->finish();
+}
+
+Result<BuildReport> build_in_least_memory(const Scene& scene, BuildConfig& config, std::uint64_t run_triangles) {
+  config.memory = storage::resident_bytes();
+  const std::uint64_t most = config.memory + mebibytes(256);
+  for (;; config.memory += kibibytes(256)) {
+    Result<BuildReport> report = build_in_runs(scene, config, run_triangles);
+    if (report || report.status().code() != ErrorCode::budget_exceeded || config.memory > most) {
+      return report;
+    }
+  }
 }
 
 Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays) {

@@ -24,6 +24,12 @@ inline BuildConfig small_pages() {
 std::string build_store(const TempFolder& folder, const std::string& name, const Scene& scene,
                         BuildConfig config = small_pages());
 
+/// Builds config.output with runs of at most `run_triangles`, so that small scenes have many; the scene is added as an
+/// import would add it.
+Result<BuildReport> build_in_runs(const Scene& scene, const BuildConfig& config, std::uint64_t run_triangles);
+/// The same with the least memory, to within 256 KiB, that this process gets along with; config.memory is set to it.
+Result<BuildReport> build_in_least_memory(const Scene& scene, BuildConfig& config, std::uint64_t run_triangles);
+
 struct TraceSetup {
   TraceSetup() {
     engine.memory = gibibytes(8);

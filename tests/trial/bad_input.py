@@ -72,6 +72,34 @@ def scenes(trial):
     trial.check("scene that is a folder", (INPUT, TEMPORARY), ["build", trial.out, "-o", trial.out / "x.mill"])
 
 
+def manifests(trial, scene):
+    store, stats, listed = trial.out / "x.mill", trial.out / "x.json", trial.folder / "list.txt"
+    command = ["build", "--manifest", listed, "-o", store, "--stats", stats]
+    for name, text, needs in [
+        ("manifest of nothing", "# nothing\n\n", "lists no scene"),
+        ("manifest with a scene that is not there", f"{scene.name}\nnone.gltf\n", "line 2"),
+        ("manifest with a folder", "out\n", "is a folder"),
+        ("manifest that is no text", "\0" * 5000, "bytes"),
+    ]:
+        listed.write_text(text, encoding="utf-8")
+        trial.check(name, INPUT, command, needs=needs)
+    trial.check("manifest that is not there", INPUT, ["build", "--manifest", trial.folder / "none.txt", "-o", store])
+    trial.check("manifest that is a folder", INPUT, ["build", "--manifest", trial.out, "-o", store])
+    listed.write_text(f"# twice\n\n{scene.name}\n{scene}\n", encoding="utf-8")
+    trial.check("stats into a folder that is not there", INPUT, [*command[:-1], trial.out / "none" / "x.json"])
+    done = trial.check("manifest of a scene twice, after one: built", 0, [*command, scene, "--json"])
+    told = json.loads(stats.read_text()) if done.rc == 0 else {}
+    if told != json.loads(done.stdout or "{}"):
+        trial.problems.append("build --stats: not what --json prints")
+    if set(told.get("peak_bytes_by_tag", {})) != {"base", "build"}:
+        trial.problems.append(f"build --stats: peak_bytes_by_tag is {told.get('peak_bytes_by_tag')}")
+    geometries = support.run_json(trial.raymill, "info", store, "--json")["geometries"]
+    if len(geometries) % 3 != 0 or geometries[0]["mesh"] != geometries[len(geometries) // 3]["mesh"]:
+        trial.problems.append(f"manifest: {len(geometries)} geometries")
+    store.unlink()
+    stats.unlink()
+
+
 def store_parts(store):
     """Name and byte range of each part (FORMAT of the store: header, pages, metadata, directory, footer)."""
     data = store.read_bytes()
@@ -164,6 +192,7 @@ def words(trial, store, rays):
         ("no verb", USAGE, []),
         ("unknown verb", USAGE, ["trase"]),
         ("unknown option", USAGE, ["trace", store, rays, "-o", hits, "--fast"]),
+        ("build of no scene", USAGE, ["build", "-o", trial.out / "x.mill"]),
         ("no output", USAGE, ["trace", store, rays]),
         ("bad mode", USAGE, ["trace", store, rays, "-o", hits, "--mode", "sloppy"]),
         ("bad ISA", USAGE, ["trace", store, rays, "-o", hits, "--isa", "mmx"]),
@@ -266,6 +295,7 @@ def main():
         support.run(options.raymill, "build", scene, "-o", store)
         support.run(options.raymill, "rays", store, "--kind", "random", "--count", "1000", "-o", rays)
         scenes(trial)
+        manifests(trial, scene)
         stores(trial, store, rays)
         rays_files(trial, store, rays)
         words(trial, store, rays)

@@ -1,12 +1,15 @@
 #include "storage/base/atomic_file.h"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <thread>
+#include <vector>
 
 namespace raymill::storage {
 namespace {
@@ -106,6 +109,97 @@ TEST_F(AtomicFileTest, ErrorsNameThePath) {
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.status().code(), ErrorCode::not_found);
   EXPECT_NE(missing.status().message().find("no/out.bin"), std::string::npos);
+}
+
+TEST_F(AtomicFileTest, TemporaryOfAKilledProcessIsRemovedByTheNextOfItsTarget) {
+  const std::string path = folder_ / "out.bin";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    auto file = AtomicFile::create(path);
+    (void)file->write(bytes_of("half"));
+    ::_exit(0);  // as SIGKILL does: no destructor runs
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_EQ(files(), 1U);
+  {
+    auto other = AtomicFile::create(folder_ / "out.bin2");
+    ASSERT_TRUE(other);
+    EXPECT_EQ(files(), 2U) << "another target's";
+  }
+  auto file = AtomicFile::create(path);
+  ASSERT_TRUE(file);
+  EXPECT_EQ(files(), 1U);
+  EXPECT_TRUE(fs::exists(file->temporary_path()));
+}
+
+TEST_F(AtomicFileTest, TemporaryThatIsBeingWrittenIsLeftAlone) {
+  const fs::path path = folder_ / "out.bin";
+  auto first = AtomicFile::create(path);
+  ASSERT_TRUE(first);
+  ASSERT_TRUE(first->write(bytes_of("first")).ok());
+  auto second = AtomicFile::create(path);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(files(), 2U);
+  AtomicFile moved = std::move(*first);
+  auto third = AtomicFile::create(path);
+  EXPECT_EQ(files(), 3U);
+  ASSERT_TRUE(moved.commit().ok());
+  EXPECT_EQ(contents(path), "first");
+}
+
+TEST_F(AtomicFileTest, OnlyWhatIsNamedAsATemporaryOfTheTargetIsRemoved) {
+  const std::vector<std::string> kept = {"out.bin.tmp",       "out.bin.1-.tmp",    "out.bin.-1.tmp",
+                                         "out.bin.1-2.tmp2",  "out.bin.1-2.tmp.x", "out.bin.a1-2.tmp",
+                                         "out.bin.12.tmp",    "out.bi.1-2.tmp",    "out.bin2.1-2.tmp",
+                                         "out.bin.x.1-2.tmp", "xout.bin.1-2.tmp"};
+  for (const std::string& name : kept) {
+    std::ofstream(folder_ / name) << "mine";
+  }
+  fs::create_directory(folder_ / "out.bin.3-4.tmp");
+  std::ofstream(folder_ / "elsewhere") << "mine";
+  fs::create_symlink(folder_ / "elsewhere", folder_ / "out.bin.5-6.tmp");
+  std::ofstream(folder_ / "out.bin.999999-0.tmp") << "left";
+  ASSERT_TRUE(AtomicFile::create(folder_ / "out.bin"));
+  EXPECT_FALSE(fs::exists(folder_ / "out.bin.999999-0.tmp"));
+  for (const std::string& name : kept) {
+    EXPECT_TRUE(fs::exists(folder_ / name)) << name;
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "out.bin.3-4.tmp"));
+  EXPECT_TRUE(fs::is_symlink(folder_ / "out.bin.5-6.tmp"));
+  EXPECT_EQ(contents(folder_ / "elsewhere"), "mine");
+}
+
+TEST_F(AtomicFileTest, AbandonedTemporariesAreFoundWithoutAFolderInTheName) {
+  std::ofstream(folder_ / "out.bin.999999-0.tmp") << "left";
+  const fs::path before = fs::current_path();
+  fs::current_path(folder_);
+  EXPECT_TRUE(AtomicFile::create("out.bin"));
+  EXPECT_EQ(files(), 0U);
+  fs::current_path(before);
+}
+
+// Creators that meet the removers of each other's temporaries: each file gets its name, none is lost or left.
+TEST_F(AtomicFileTest, ManyWritersOfOneTargetDoNotRemoveEachOthersFiles) {
+  const std::string path = folder_ / "out.bin";
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      const std::string text = "written by " + std::to_string(t);
+      for (int i = 0; i < 200; ++i) {
+        auto file = AtomicFile::create(path);
+        ASSERT_TRUE(file) << file.status().message();
+        ASSERT_TRUE(file->write(bytes_of(text)).ok());
+        const Status status = file->commit();
+        ASSERT_TRUE(status.ok()) << status.message();
+      }
+    });
+  }
+  for (std::thread& thread : threads) {
+    thread.join();
+  }
+  EXPECT_EQ(contents(path).size(), std::string("written by 0").size());
+  EXPECT_EQ(files(), 1U);
 }
 
 TEST_F(AtomicFileTest, LongestLegalNameWorks) {
