@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "storage/io/page_reader.h"
 #include "storage/io/store_file.h"
 #include "traversal/budget_plan.h"
 #include "traversal/kernel.h"
@@ -84,8 +85,8 @@ StoreInfo describe(const StoreFile& file) {
 
 class Engine::Impl {
  public:
-  Impl(const EngineConfig& config, traversal::Isa isa, unsigned threads)
-      : config_(config), isa_(isa), threads_(threads), ledger_(config.memory) {}
+  Impl(const EngineConfig& config, traversal::Isa isa, storage::ReaderKind io, unsigned threads)
+      : config_(config), isa_(isa), io_(io), threads_(threads), ledger_(config.memory) {}
 
   Status claim_base() {
     base_bytes_ = storage::resident_bytes() + kBaseSlackBytes;
@@ -116,6 +117,7 @@ class Engine::Impl {
     StoreTracer::Config config;
     config.share = {ledger_.free_bytes() / (config_.max_stores - open_.size()), threads_, config_.max_jobs};
     config.isa = isa_;
+    config.io = io_;
     config.spill_directory = spill_directory(config_.spill_directory);
     if (config.share.bytes < traversal::least_share_bytes(*file, threads_, config_.max_jobs)) {
       return {ErrorCode::budget_exceeded, path + ": needs at least " + storage::format_bytes(least_memory(*file)) +
@@ -140,6 +142,7 @@ class Engine::Impl {
  private:
   const EngineConfig config_;
   const traversal::Isa isa_;
+  const storage::ReaderKind io_;
   const unsigned threads_;
   storage::Ledger ledger_;
   std::uint64_t base_bytes_ = 0;
@@ -183,12 +186,13 @@ Engine::~Engine() = default;
 
 Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const traversal::Isa isa, choose_isa(config.isa));
+  RAYMILL_ASSIGN_OR_RETURN(const storage::ReaderKind io, storage::parse_reader_kind(config.io));
   const unsigned threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   if (threads > traversal::kMostBatches || config.max_jobs == 0 || config.max_stores == 0) {
     return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostBatches) +
                                              " threads, and at least one job and one store"};
   }
-  auto impl = std::make_shared<Impl>(config, isa, threads);
+  auto impl = std::make_shared<Impl>(config, isa, io, threads);
   RAYMILL_RETURN_IF_ERROR(impl->claim_base());
   return std::unique_ptr<Engine>(new Engine(std::move(impl)));
 }

@@ -15,6 +15,7 @@ struct EngineConfig {
   std::uint64_t memory = gibibytes(2);
   unsigned threads = 0;              ///< workers; 0: one for each core
   std::string isa = {};              ///< "scalar", "avx2"; empty: the best this machine has
+  std::string io = "auto";           ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
   unsigned max_jobs = 1;             ///< jobs at once; each gets its share of the ray memory
   unsigned max_stores = 1;           ///< stores open at once; each gets its share of the page memory
   std::string spill_directory = {};  ///< for results that wait; empty: TMPDIR, else /tmp
@@ -23,7 +24,7 @@ struct EngineConfig {
 /// Thread-safe. Stores and jobs keep what they need of the engine alive.
 class Engine final : public Service {
  public:
-  /// Errors: invalid_argument (unknown ISA), budget_exceeded (the process itself is larger than the budget).
+  /// Errors: invalid_argument (unknown ISA or io), budget_exceeded (the process itself is larger than the budget).
   static Result<std::unique_ptr<Engine>> create(const EngineConfig& config);
   ~Engine() override;
   Result<std::shared_ptr<Store>> open(const std::string& path) override;

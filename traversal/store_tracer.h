@@ -44,6 +44,7 @@ class StoreTracer {
   struct Config {
     StoreShare share;
     Isa isa = Isa::scalar;
+    storage::ReaderKind io = storage::ReaderKind::automatic;
     std::string spill_directory;
   };
   /// Errors: budget_exceeded.

@@ -32,6 +32,7 @@ struct ServiceOptions {
   std::uint64_t memory = gibibytes(2);
   unsigned threads = 0;
   std::string isa;
+  std::string io = "auto";
   std::string server;
   std::string stats_path;
 
@@ -61,6 +62,7 @@ struct QueryOptions {
   Field fields_ = Field::none;
 };
 
+void add_io_option(CLI::App& app, std::string& io);
 void add_json_flag(CLI::App& app, bool& json);
 void add_progress_option(CLI::App& app, std::string& style);
 
