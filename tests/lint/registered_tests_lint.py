@@ -7,7 +7,7 @@ import json
 import subprocess
 import sys
 
-LABELS = {"unit", "lint", "corpus", "install", "property", "fuzz", "sim", "trial", "bench", "cli"}
+LABELS = {"unit", "lint", "corpus", "install", "property", "fuzz", "sim", "trial", "stress", "bench", "cli"}
 
 
 def main():
