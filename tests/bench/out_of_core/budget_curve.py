@@ -175,6 +175,10 @@ class Curve:
                 if refusal is None and fractions:
                     try:
                         with SwapFile(self.folder, need + (need >> 2)):
+                            settings = {name: pathlib.Path("/proc/sys/vm", name).read_text().strip()
+                                        for name in ("page-cluster", "swappiness")}
+                            print("embree under a limit, swap in a file: "
+                                  + ", ".join(f"vm.{name} {value}" for name, value in settings.items()))
                             for fraction in fractions:
                                 limit = int(need * fraction / 100)
                                 cgroup.limit(limit)
