@@ -11,7 +11,7 @@ packages=(
   # scenes in: glTF and Draco
   libtinygltf-dev nlohmann-json3-dev libstb-dev libdraco-dev
   # building and reading stores
-  libembree-dev libtbb-dev libzstd-dev liblz4-dev libxxhash-dev
+  libembree-dev libtbb-dev libzstd-dev liblz4-dev libxxhash-dev liburing-dev
   # pictures out
   libopenimageio-dev
   # the server and its protocol

@@ -198,6 +198,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServeConfig& config, ServerP
                            parts.make_service({.memory = config.memory - plan.bytes,
                                                .threads = config.threads,
                                                .isa = config.isa,
+                                               .io = config.io,
                                                .max_jobs = config.max_jobs,
                                                .max_stores = config.max_stores,
                                                .spill_directory = config.spill_directory}));

@@ -22,6 +22,7 @@ struct ServeConfig {
   std::uint64_t memory = gibibytes(2);           ///< of the whole process, the transport's share included
   unsigned threads = 0;
   std::string isa;
+  std::string io = "auto";
   unsigned max_jobs = 1;          ///< jobs that run at once; others wait in the queue
   unsigned max_stores = 1;        ///< stores open at once
   unsigned max_connections = 32;  ///< each client has one, and one more for each job it runs

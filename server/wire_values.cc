@@ -32,6 +32,7 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_isa(utf8_or_question_marks(stats.isa));
   wire.set_kernel(utf8_or_question_marks(stats.kernel));
   wire.set_io(utf8_or_question_marks(stats.io));
+  wire.set_io_note(utf8_or_question_marks(stats.io_note));
   return wire;
 }
 
@@ -52,6 +53,7 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.isa = wire.isa();
   stats.kernel = wire.kernel();
   stats.io = wire.io();
+  stats.io_note = wire.io_note();
   return stats;
 }
 

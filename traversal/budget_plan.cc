@@ -43,7 +43,7 @@ std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, un
 
 // What does not depend on the share.
 std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned depth) {
-  return worker_bytes(store, threads, depth) + storage::PreadPool::buffer_bytes(store, depth);
+  return worker_bytes(store, threads, depth) + storage::page_reader_bytes(store, depth);
 }
 
 std::uint32_t least_frames(unsigned threads, unsigned depth) { return threads + depth + 2; }

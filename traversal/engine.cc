@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "storage/io/page_reader.h"
 #include "storage/io/store_file.h"
 #include "traversal/budget_plan.h"
 #include "traversal/kernel.h"
@@ -84,8 +85,16 @@ StoreInfo describe(const StoreFile& file) {
 
 class Engine::Impl {
  public:
-  Impl(const EngineConfig& config, traversal::Isa isa, traversal::ReadOrder read_order, unsigned threads)
-      : config_(config), isa_(isa), read_order_(read_order), threads_(threads), ledger_(config.memory) {}
+  // What the names in a config stand for.
+  struct Choices {
+    traversal::Isa isa;
+    traversal::ReadOrder read_order;
+    storage::ReaderKind io;
+    unsigned threads;
+  };
+
+  Impl(const EngineConfig& config, const Choices& choices)
+      : config_(config), choices_(choices), ledger_(config.memory) {}
 
   Status claim_base() {
     base_bytes_ = storage::resident_bytes() + kBaseSlackBytes;
@@ -114,11 +123,12 @@ class Engine::Impl {
     }
     RAYMILL_ASSIGN_OR_RETURN(std::shared_ptr<const StoreFile> file, StoreFile::open(path, ledger_));
     StoreTracer::Config config;
-    config.share = {ledger_.free_bytes() / (config_.max_stores - open_.size()), threads_, config_.max_jobs};
-    config.isa = isa_;
-    config.read_order = read_order_;
+    config.share = {ledger_.free_bytes() / (config_.max_stores - open_.size()), choices_.threads, config_.max_jobs};
+    config.isa = choices_.isa;
+    config.read_order = choices_.read_order;
+    config.io = choices_.io;
     config.spill_directory = spill_directory(config_.spill_directory);
-    if (config.share.bytes < traversal::least_share_bytes(*file, threads_, config_.max_jobs)) {
+    if (config.share.bytes < traversal::least_share_bytes(*file, choices_.threads, config_.max_jobs)) {
       return {ErrorCode::budget_exceeded, path + ": needs at least " + storage::format_bytes(least_memory(*file)) +
                                               " of memory, " + storage::format_bytes(config_.memory) +
                                               " given; raise --memory"};
@@ -134,15 +144,14 @@ class Engine::Impl {
   [[nodiscard]] std::uint64_t least_memory(const StoreFile& file) const {
     const std::uint64_t directory = file.page_count() * sizeof(storage::PageEntry);
     const std::uint64_t least =
-        base_bytes_ + (directory + traversal::least_share_bytes(file, threads_, config_.max_jobs)) * config_.max_stores;
+        base_bytes_ +
+        (directory + traversal::least_share_bytes(file, choices_.threads, config_.max_jobs)) * config_.max_stores;
     return (least + mebibytes(1) - 1) / mebibytes(1) * mebibytes(1);
   }
 
  private:
   const EngineConfig config_;
-  const traversal::Isa isa_;
-  const traversal::ReadOrder read_order_;
-  const unsigned threads_;
+  const Choices choices_;
   storage::Ledger ledger_;
   std::uint64_t base_bytes_ = 0;
   storage::BudgetReservation base_;
@@ -186,12 +195,13 @@ Engine::~Engine() = default;
 Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const traversal::Isa isa, choose_isa(config.isa));
   RAYMILL_ASSIGN_OR_RETURN(const traversal::ReadOrder read_order, traversal::parse_read_order(config.policy));
+  RAYMILL_ASSIGN_OR_RETURN(const storage::ReaderKind io, storage::parse_reader_kind(config.io));
   const unsigned threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   if (threads > traversal::kMostBatches || config.max_jobs == 0 || config.max_stores == 0) {
     return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostBatches) +
                                              " threads, and at least one job and one store"};
   }
-  auto impl = std::make_shared<Impl>(config, isa, read_order, threads);
+  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, io, threads});
   RAYMILL_RETURN_IF_ERROR(impl->claim_base());
   return std::unique_ptr<Engine>(new Engine(std::move(impl)));
 }

@@ -18,6 +18,7 @@ struct EngineConfig {
   /// Which page is read next: "score" (most rays for each byte), "most-rays", "fifo" (longest wanted) or "sweep" (in
   /// the file's order). No answer depends on it.
   std::string policy = "score";
+  std::string io = "auto";           ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
   unsigned max_jobs = 1;             ///< jobs at once; each gets its share of the ray memory
   unsigned max_stores = 1;           ///< stores open at once; each gets its share of the page memory
   std::string spill_directory = {};  ///< for results that wait; empty: TMPDIR, else /tmp
@@ -26,7 +27,7 @@ struct EngineConfig {
 /// Thread-safe. Stores and jobs keep what they need of the engine alive.
 class Engine final : public Service {
  public:
-  /// Errors: invalid_argument (unknown ISA), budget_exceeded (the process itself is larger than the budget).
+  /// Errors: invalid_argument (unknown ISA or io), budget_exceeded (the process itself is larger than the budget).
   static Result<std::unique_ptr<Engine>> create(const EngineConfig& config);
   ~Engine() override;
   Result<std::shared_ptr<Store>> open(const std::string& path) override;

@@ -255,6 +255,7 @@ JobStats EngineJob::stats() const {
   stats.isa = to_string(tracer_->config_.isa);
   stats.kernel = job_->kernel_name;
   stats.io = tracer_->reader_->name();
+  stats.io_note = tracer_->file_->io_note();
   return stats;
 }
 

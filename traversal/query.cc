@@ -136,14 +136,17 @@ Result<Field> parse_fields(std::string_view text) {
     const std::size_t comma = text.find(',');
     const std::string_view name = text.substr(0, comma);
     text = comma == std::string_view::npos ? std::string_view{} : text.substr(comma + 1);
-    Field field = name == "ids" ? Field::ids : name == "u" || name == "v" ? Field::uv : Field::none;
+    Field field = name == "all"                ? Field::all
+                  : name == "ids"              ? Field::ids
+                  : name == "u" || name == "v" ? Field::uv
+                                               : Field::none;
     for (const NamedField& named : kFieldNames) {
       field = name == named.name ? named.field : field;
     }
     if (field == Field::none) {
-      return {
-          ErrorCode::invalid_argument,
-          "field '" + std::string(name) + "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids"};
+      return {ErrorCode::invalid_argument,
+              "field '" + std::string(name) +
+                  "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids, all"};
     }
     fields = fields | field;
   }

@@ -81,7 +81,8 @@ struct JobStats {
   std::uint64_t peak_rss_bytes = 0;      ///< of the process that traces
   std::string isa;                       ///< "avx2", "scalar"
   std::string kernel;                    ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
-  std::string io;                        ///< e.g. "pread-pool/direct"
+  std::string io;                        ///< e.g. "io_uring/direct"
+  std::string io_note;                   ///< why reads are not direct, where they are not
 };
 
 /// One batch of rays in flight. push() and finish() may run in one thread while next() runs in another.

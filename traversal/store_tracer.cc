@@ -52,8 +52,8 @@ Status StoreTracer::init() {
   const unsigned threads = config_.share.threads;
   storage::PageCache::Config cache{file_->page_count(), file_->header().page_bytes, plan_.frame_count, threads};
   RAYMILL_ASSIGN_OR_RETURN(cache_, storage::PageCache::create(cache, ledger_));
-  RAYMILL_ASSIGN_OR_RETURN(reader_, storage::PreadPool::create(file_, plan_.read_depth, ledger_,
-                                                               [this](storage::PageArrival a) { on_arrival(a); }));
+  RAYMILL_ASSIGN_OR_RETURN(reader_, storage::make_page_reader(file_, config_.io, plan_.read_depth, ledger_,
+                                                              [this](storage::PageArrival a) { on_arrival(a); }));
   RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes));
   for (unsigned i = 0; i < threads; ++i) {
     threads_.emplace_back([this, i] { work(i); });

@@ -45,6 +45,7 @@ class StoreTracer {
     StoreShare share;
     Isa isa = Isa::scalar;
     ReadOrder read_order = ReadOrder::score;
+    storage::ReaderKind io = storage::ReaderKind::automatic;
     std::string spill_directory;
   };
   /// Errors: budget_exceeded.

@@ -26,6 +26,7 @@ void ServiceOptions::add_to(CLI::App& app) {
          "Which page is read next: score (most rays for each byte), most-rays, fifo or sweep. No answer depends "
          "on it. Default score")
       ->type_name("NAME");
+  add_io_option(app, io);
   app.add_option("--server", server, "Trace on this server instead (ipc://PATH or tcp://HOST:PORT)")->type_name("ADDR");
   app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
 }
@@ -43,6 +44,7 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
     config.threads = options.threads;
     config.isa = options.isa;
     config.policy = options.policy;
+    config.io = options.io;
     RAYMILL_ASSIGN_OR_RETURN(open.service, Engine::create(config));
   } else {
     RAYMILL_ASSIGN_OR_RETURN(open.service, Client::connect({.address = options.server}));
@@ -80,6 +82,13 @@ Status QueryOptions::resolve() {
     config.fields = fields_ == Field::none ? kDefaultClosestFields : fields_;
   }
   return {};
+}
+
+void add_io_option(CLI::App& app, std::string& io) {
+  app.add_option("--io", io, "How pages are read: uring, pread; auto: io_uring where the kernel allows it, else pread")
+      ->type_name("KIND")
+      ->check(CLI::IsMember({"auto", "uring", "pread"}))
+      ->capture_default_str();
 }
 
 void add_json_flag(CLI::App& app, bool& json) { app.add_flag("--json", json, "Print JSON"); }

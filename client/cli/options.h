@@ -35,6 +35,7 @@ struct ServiceOptions {
   unsigned threads = 0;
   std::string isa;
   std::string policy = EngineConfig().policy;
+  std::string io = "auto";
   std::string server;
   std::string stats_path;
 
@@ -64,6 +65,7 @@ struct QueryOptions {
   Field fields_ = Field::none;
 };
 
+void add_io_option(CLI::App& app, std::string& io);
 void add_json_flag(CLI::App& app, bool& json);
 void add_progress_option(CLI::App& app, std::string& style);
 

@@ -54,6 +54,7 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"isa", stats.isa},
           {"kernel", stats.kernel},
           {"io", stats.io},
+          {"io_note", stats.io_note},
           {"nodes_visited", stats.nodes_visited},
           {"triangles_tested", stats.triangles_tested},
           {"rays_parked", stats.rays_parked},
@@ -70,7 +71,7 @@ std::string stats_text(const JobStats& stats) {
   return text + ", " + formatted("%.2f s", stats.trace_seconds) + " (" +
          formatted("%.3f M rays/s", rate(stats.rays, stats.trace_seconds) / 1e6) + "), " +
          std::to_string(stats.pages_read) + " pages read (" + format_bytes(stats.bytes_read) + "), peak " +
-         format_bytes(stats.peak_rss_bytes) + "\n";
+         format_bytes(stats.peak_rss_bytes) + "\n" + (stats.io_note.empty() ? "" : stats.io_note + "\n");
 }
 
 json info_json(const StoreInfo& info) {

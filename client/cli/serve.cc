@@ -59,6 +59,7 @@ Verb add_serve(CLI::App& app) {
       ->type_name("N")
       ->capture_default_str();
   verb->add_option("--isa", config.isa, "Instruction set: scalar or avx2; left out: the best")->type_name("ISA");
+  add_io_option(*verb, config.io);
   verb->add_option("--max-jobs", config.max_jobs, "Jobs that run at once; others wait")
       ->type_name("N")
       ->check(CLI::Range(1, 256))

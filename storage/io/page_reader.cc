@@ -2,76 +2,42 @@
 
 #include <utility>
 
+#include "storage/io/pread_pool.h"
+#include "storage/io/uring_reader.h"
+
 namespace raymill::storage {
 
-Result<std::unique_ptr<PreadPool>> PreadPool::create(std::shared_ptr<const StoreFile> file, unsigned depth,
-                                                     Ledger& ledger, Done done) {
-  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation reservation, ledger.claim(Tag::io, buffer_bytes(*file, depth)));
-  std::unique_ptr<PreadPool> pool(new PreadPool(std::move(file), depth, std::move(done)));
-  pool->reservation_ = std::move(reservation);
-  for (unsigned i = 0; i < depth; ++i) {
-    pool->threads_.emplace_back([raw = pool.get()] { raw->work(); });
+Result<ReaderKind> parse_reader_kind(std::string_view name) {
+  if (name.empty() || name == "auto") {
+    return ReaderKind::automatic;
   }
-  return pool;
+  if (name == "pread") {
+    return ReaderKind::pread;
+  }
+  if (name != "uring") {
+    return {ErrorCode::invalid_argument, "'" + std::string(name) + "' is no way of reading pages: auto, uring, pread"};
+  }
+  if (const Status status = UringReader::available(); !status.ok()) {
+    return {ErrorCode::invalid_argument, status.message()};
+  }
+  return ReaderKind::uring;
 }
 
-PreadPool::PreadPool(std::shared_ptr<const StoreFile> file, unsigned depth, Done done)
-    : file_(std::move(file)), depth_(depth), done_(std::move(done)), memory_(buffer_bytes(*file_, depth)) {
-  for (unsigned i = 0; i < depth; ++i) {
-    free_buffers_.push_back(i);
-  }
-}
-
-PreadPool::~PreadPool() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  wake_.notify_all();
-  for (std::thread& thread : threads_) {
-    thread.join();
-  }
-}
-
-void PreadPool::start(PageId page) {
-  {
-    const std::lock_guard lock(mutex_);
-    requests_.push_back(page);
-  }
-  wake_.notify_one();
-}
-
-void PreadPool::release(const PageArrival& arrival) {
-  {
-    const std::lock_guard lock(mutex_);
-    free_buffers_.push_back(arrival.buffer);
-  }
-  wake_.notify_one();
-}
-
-void PreadPool::work() {
-  const std::uint64_t size = file_->read_buffer_bytes();
-  std::unique_lock lock(mutex_);
-  while (true) {
-    wake_.wait(lock, [this] { return stopping_ || (!requests_.empty() && !free_buffers_.empty()); });
-    if (stopping_) {
-      return;
+Result<std::unique_ptr<PageReader>> make_page_reader(std::shared_ptr<const StoreFile> file, ReaderKind kind,
+                                                     unsigned depth, Ledger& ledger, ReadDone done) {
+  if (kind != ReaderKind::pread) {
+    auto reader = UringReader::create(file, depth, ledger, done);
+    if (reader) {
+      return std::unique_ptr<PageReader>(std::move(*reader));
     }
-    PageArrival arrival;
-    arrival.page = requests_.front();
-    requests_.erase(requests_.begin());
-    arrival.buffer = free_buffers_.back();
-    free_buffers_.pop_back();
-    lock.unlock();
-    auto encoded = file_->read_page(arrival.page, std::span(memory_).subspan(arrival.buffer * size, size));
-    if (encoded) {
-      arrival.encoded = *encoded;
-    } else {
-      arrival.status = encoded.status();
+    if (kind == ReaderKind::uring || reader.status().code() != ErrorCode::unsupported) {
+      return reader.status();
     }
-    done_(arrival);
-    lock.lock();
   }
+  RAYMILL_ASSIGN_OR_RETURN(auto pool, PreadPool::create(std::move(file), depth, ledger, std::move(done)));
+  return std::unique_ptr<PageReader>(std::move(pool));
 }
+
+std::uint64_t page_reader_bytes(const StoreFile& file, unsigned depth) { return UringReader::bytes(file, depth); }
 
 }  // namespace raymill::storage

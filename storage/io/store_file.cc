@@ -135,28 +135,54 @@ std::string StoreFile::positions_text() const {
 
 std::uint64_t StoreFile::read_buffer_bytes() const { return round_up(footer_.max_encoded_bytes) + kDirectBlockBytes; }
 
-Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<std::byte> buffer) const {
+std::string StoreFile::io_note() const {
+  return direct_ ? std::string()
+                 : "direct reads are refused by the file system of " + path_ +
+                       "; reads go through the page cache and are dropped from it";
+}
+
+PageBlocks StoreFile::blocks_of(PageId page) const {
   const PageEntry& entry = directory_[index_of(page)];
-  const std::uint64_t begin = entry.offset / kDirectBlockBytes * kDirectBlockBytes;
-  const std::uint64_t skipped = entry.offset - begin;
-  const std::uint64_t size = round_up(skipped + entry.encoded_bytes);
+  PageBlocks blocks;
+  blocks.offset = entry.offset / kDirectBlockBytes * kDirectBlockBytes;
+  blocks.skipped = entry.offset - blocks.offset;
+  blocks.needed = blocks.skipped + entry.encoded_bytes;
+  blocks.bytes = round_up(blocks.needed);
+  return blocks;
+}
+
+Result<std::span<const std::byte>> StoreFile::page_in(PageId page, std::span<const std::byte> buffer,
+                                                      std::uint64_t bytes_read) const {
+  const PageBlocks blocks = blocks_of(page);
+  if (bytes_read < blocks.needed) {
+    return {ErrorCode::io,
+            path_ + ": ends inside page " + std::to_string(index_of(page)) + "; it was cut short while open"};
+  }
+  return buffer.subspan(blocks.skipped, blocks.needed - blocks.skipped);
+}
+
+void StoreFile::forget(const PageBlocks& blocks) const {
+  ::posix_fadvise(descriptor_, static_cast<off_t>(blocks.offset), static_cast<off_t>(blocks.bytes),
+                  POSIX_FADV_DONTNEED);
+}
+
+Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<std::byte> buffer) const {
+  const PageBlocks blocks = blocks_of(page);
   ssize_t n = -1;
   if (direct_) {
-    n = read_fully(direct_descriptor_, buffer.data(), size, begin);
+    n = read_fully(direct_descriptor_, buffer.data(), blocks.bytes, blocks.offset);
   }
   if (n < 0) {
-    n = read_fully(descriptor_, buffer.data(), size, begin);
-    ::posix_fadvise(descriptor_, static_cast<off_t>(begin), static_cast<off_t>(size), POSIX_FADV_DONTNEED);
+    n = read_fully(descriptor_, buffer.data(), blocks.bytes, blocks.offset);
+    const int error = errno;
+    forget(blocks);
+    errno = error;
   }
   if (n < 0) {
     return {ErrorCode::io,
             path_ + ": cannot read page " + std::to_string(index_of(page)) + ": " + std::strerror(errno)};
   }
-  if (static_cast<std::uint64_t>(n) < skipped + entry.encoded_bytes) {
-    return {ErrorCode::io,
-            path_ + ": ends inside page " + std::to_string(index_of(page)) + "; it was cut short while open"};
-  }
-  return std::span<const std::byte>(buffer).subspan(skipped, entry.encoded_bytes);
+  return page_in(page, buffer, static_cast<std::uint64_t>(n));
 }
 
 Status StoreFile::check_page(PageId page, std::span<const std::byte> encoded) const {

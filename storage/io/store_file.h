@@ -17,6 +17,14 @@ namespace raymill::storage {
 /// Direct reads go in whole blocks of this size, offset and memory included.
 constexpr std::uint64_t kDirectBlockBytes = 4096;
 
+/// The whole blocks in which a page stands: what a read asks for.
+struct PageBlocks {
+  std::uint64_t offset = 0;  ///< in the file
+  std::uint64_t bytes = 0;
+  std::uint64_t skipped = 0;  ///< before the page
+  std::uint64_t needed = 0;   ///< up to the page's end; the file may end before the block does
+};
+
 class StoreFile {
  public:
   /// Claims the directory from `ledger`. Errors: not_found, io, corrupt, checksum_mismatch, version_mismatch,
@@ -40,11 +48,24 @@ class StoreFile {
   /// Whether reads bypass the page cache; where the file system refuses that, reads are buffered and the cache is
   /// told to forget them.
   [[nodiscard]] bool direct() const { return direct_; }
+  /// A sentence for people where reads are not direct; else empty.
+  [[nodiscard]] std::string io_note() const;
   /// Bytes of buffer that the largest page needs, block padding included.
   [[nodiscard]] std::uint64_t read_buffer_bytes() const;
   /// Reads a page's encoded bytes; blocks. `buffer` is aligned to kDirectBlockBytes and read_buffer_bytes() long.
   /// The checksum is not checked here. Errors: io.
   Result<std::span<const std::byte>> read_page(PageId page, std::span<std::byte> buffer) const;
+
+  // The same in parts, for readers that wait elsewhere than in pread().
+  [[nodiscard]] PageBlocks blocks_of(PageId page) const;
+  /// Direct where the file system allows; open as long as this object.
+  [[nodiscard]] int read_descriptor() const { return direct_ ? direct_descriptor_ : descriptor_; }
+  /// The page's bytes in a buffer into which `bytes_read` of its blocks were read. Errors: io (the file was cut short).
+  Result<std::span<const std::byte>> page_in(PageId page, std::span<const std::byte> buffer,
+                                             std::uint64_t bytes_read) const;
+  /// Tells the system to drop these blocks from its page cache.
+  void forget(const PageBlocks& blocks) const;
+
   /// Reads and checks a page's bytes against the reference. Errors: checksum_mismatch.
   [[nodiscard]] Status check_page(PageId page, std::span<const std::byte> encoded) const;
   /// The metadata JSON. Errors: io, checksum_mismatch, corrupt.

@@ -7,7 +7,7 @@ import json
 import subprocess
 import sys
 
-LABELS = {"unit", "lint", "corpus", "install", "property", "fuzz", "sim", "trial", "cli"}
+LABELS = {"unit", "lint", "corpus", "install", "property", "fuzz", "sim", "trial", "stress", "bench", "cli"}
 
 
 def main():

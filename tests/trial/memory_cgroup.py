@@ -1,4 +1,4 @@
-"""A memory cgroup (v1) with a hard limit on memory and swap together; root only."""
+"""A memory cgroup (v1) with a hard limit on memory and swap together, or on memory alone; root only."""
 
 import os
 import pathlib
@@ -38,6 +38,29 @@ class MemoryCgroup:
         if both.exists():
             both.write_text(str(limit_bytes))
         return cls(path, limit_bytes)
+
+    @classmethod
+    def create_open(cls):
+        """Without a limit yet; what limit() then takes from it goes to swap."""
+        path = ROOT / f"raymill-open-{os.getpid()}"
+        path.mkdir(exist_ok=True)
+        return cls(path, None)
+
+    def limit(self, limit_bytes, seconds=600):
+        """Sets the limit on memory, None for none. The kernel says busy until it has written enough to swap."""
+        end = time.monotonic() + seconds
+        while True:
+            try:
+                (self.path / "memory.limit_in_bytes").write_text(str(-1 if limit_bytes is None else limit_bytes))
+                self.limit_bytes = limit_bytes
+                return
+            except OSError:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.1)
+
+    def used_bytes(self):
+        return int((self.path / "memory.usage_in_bytes").read_text())
 
     def close(self):
         """Notes the most that was charged, and how often the limit was met, and removes the group."""

@@ -9,10 +9,8 @@ The scene is --scene, else a generated city of --triangles.
 """
 
 import json
-import math
 import os
 import pathlib
-import re
 import sys
 
 import support
@@ -29,8 +27,6 @@ SHARES = [100, 25, 5]
 # Beside the plain run (best ISA, two threads, embedded) of each store.
 VARIATIONS = [{"isa": "scalar", "threads": 2}, {"isa": "avx2", "threads": 1}, {"isa": "scalar", "threads": 1},
               {"server": True}]
-# Where less than the whole of --memory is "given", the difference counts.
-NEEDED = re.compile(r"needs? (?:at least )?([0-9.]+) MiB.*?([0-9.]+) ([KM])iB (?:given|left)")
 
 
 class Trial:
@@ -75,9 +71,7 @@ class Trial:
                 done, digest, told = failure, None, None
             if done.rc != 33:
                 break
-            needed = NEEDED.search(done.stderr)
-            missing = float(needed[1]) - float(needed[2]) / (1024 if needed[3] == "K" else 1) if needed else 0
-            limit = math.ceil(limit / support.MIB + max(missing, 0.1)) * support.MIB
+            limit = support.more_memory(limit, done.stderr)
         return limit, done, digest, told
 
     def case(self, store, label, truth, share, decoded, variation, query=()):

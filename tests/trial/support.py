@@ -3,8 +3,10 @@
 import argparse
 import hashlib
 import json
+import math
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -49,6 +51,17 @@ def scenes_folder():
     if os.environ.get("RAYMILL_REQUIRE_SCENES") == "1":
         sys.exit(f"no scenes in {folder}; set RAYMILL_SCENES")
     return None
+
+
+# Where less than the whole of --memory is "given", the difference counts.
+NEEDED = re.compile(r"needs? (?:at least )?([0-9.]+) MiB.*?([0-9.]+) ([KM])iB (?:given|left)")
+
+
+def more_memory(limit, stderr):
+    """The limit under which a program that ended with 33 would run, by its own words."""
+    needed = NEEDED.search(stderr)
+    missing = float(needed[1]) - float(needed[2]) / (1024 if needed[3] == "K" else 1) if needed else 0
+    return math.ceil(limit / MIB + max(missing, 0.1)) * MIB
 
 
 class Run:

@@ -79,11 +79,13 @@ TEST(Wire, StatsAndDescriptionsSurvive) {
   stats.distinct_pages = 6;
   stats.trace_seconds = 1.5;
   stats.io = "pread";
+  stats.io_note = "buffered";
   const JobStats back = from_wire(to_wire(stats));
   EXPECT_EQ(back.rays, 1u);
   EXPECT_EQ(back.distinct_pages, 6u);
   EXPECT_EQ(back.trace_seconds, 1.5);
   EXPECT_EQ(back.io, "pread");
+  EXPECT_EQ(back.io_note, "buffered");
   StoreInfo info;
   info.bounds_min = {-1, -2, -3};
   info.bounds_max = {1, 2, 3};

@@ -25,7 +25,7 @@ std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsi
       std::uint64_t(window.pool_chunks) * kRayChunkBytes;
   return std::uint64_t(plan.frame_count) * store.header().page_bytes +
          storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
-         storage::PreadPool::buffer_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
+         storage::page_reader_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
 }
 
 class BudgetPlanTest : public testing::Test {

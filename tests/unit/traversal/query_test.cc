@@ -30,6 +30,7 @@ TEST(Fields, EverySetIsParsedBack) {
 
 TEST(Fields, ShortNamesStandForSeveral) {
   EXPECT_EQ(*parse_fields("ids"), Field::ids);
+  EXPECT_EQ(*parse_fields("all"), Field::all);
   EXPECT_EQ(*parse_fields("u"), Field::uv);
   EXPECT_EQ(*parse_fields("t,v"), Field::t | Field::uv);
   EXPECT_EQ(*parse_fields("t,t"), Field::t);

@@ -1,0 +1,127 @@
+#include "tests/bench/out_of_core/embree_scene.h"
+
+#include <sys/mman.h>
+
+#include <chrono>
+#include <cstring>
+#include <limits>
+#include <span>
+#include <utility>
+
+#include "storage/import/scene_import.h"
+
+namespace raymill::bench {
+namespace {
+
+constexpr std::uint64_t kCornerBytes = 3 * sizeof(float);
+// Room for as many triangles as a geometry can count; untouched parts cost nothing.
+constexpr std::uint64_t kMostTriangles = std::numeric_limits<std::uint32_t>::max() / 3;
+
+// Writes the corners of the scene's triangles one after the other.
+class Corners final : public storage::TriangleSink {
+ public:
+  explicit Corners(std::byte* out) : out_(out) {}
+  Status add(std::span<const storage::Triangle> triangles) override {
+    if (triangles.size() > kMostTriangles - count_) {
+      return {ErrorCode::unsupported, "the scene has more triangles than one geometry of Embree takes"};
+    }
+    for (const storage::Triangle& triangle : triangles) {
+      std::memcpy(out_ + 3 * kCornerBytes * count_++, triangle.v.data(), 3 * kCornerBytes);
+    }
+    return {};
+  }
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+
+ private:
+  std::byte* out_;
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace
+
+Result<EmbreeScene> EmbreeScene::create(const Config& config) {
+  EmbreeScene made;
+  // Embree reads 16 bytes at a corner.
+  made.vertices_ = storage::MappedMemory(3 * kCornerBytes * kMostTriangles + 16);
+  if (made.vertices_.data() == nullptr) {
+    return {ErrorCode::budget_exceeded, "the system gives no room for the vertices"};
+  }
+  Corners corners(made.vertices_.data());
+  storage::Ledger ledger(std::numeric_limits<std::uint64_t>::max());
+  storage::ImportReport report;
+  for (const std::string& scene : config.scenes) {
+    RAYMILL_RETURN_IF_ERROR(storage::import_gltf(scene, {}, ledger, corners, report));
+  }
+  made.triangles_ = corners.count();
+  made.indices_ = storage::MappedMemory(3 * sizeof(std::uint32_t) * made.triangles_ + 16);
+  if (made.indices_.data() == nullptr) {
+    return {ErrorCode::budget_exceeded, "the system gives no room for the indices"};
+  }
+  auto* indices = reinterpret_cast<std::uint32_t*>(made.indices_.data());
+  for (std::uint64_t i = 0; i < 3 * made.triangles_; ++i) {
+    indices[i] = static_cast<std::uint32_t>(i);
+  }
+
+  const auto begin = std::chrono::steady_clock::now();
+  made.device_ = rtcNewDevice(config.device.empty() ? nullptr : config.device.c_str());
+  if (made.device_ == nullptr) {
+    return {ErrorCode::internal, "Embree made no device"};
+  }
+  made.scene_ = rtcNewScene(made.device_);
+  RTCGeometry geometry = rtcNewGeometry(made.device_, RTC_GEOMETRY_TYPE_TRIANGLE);
+  rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, made.vertices_.data(), 0,
+                             kCornerBytes, 3 * made.triangles_);
+  rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, made.indices_.data(), 0,
+                             3 * sizeof(std::uint32_t), made.triangles_);
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometry(made.scene_, geometry);
+  rtcReleaseGeometry(geometry);
+  rtcCommitScene(made.scene_);
+  if (const RTCError error = rtcGetDeviceError(made.device_); error != RTC_ERROR_NONE) {
+    return {ErrorCode::internal, "Embree reports error " + std::to_string(error)};
+  }
+  made.build_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (!config.keep_arrays) {
+    for (const storage::MappedMemory* array : {&made.vertices_, &made.indices_}) {
+      ::madvise(array->data(), array->size(), MADV_DONTNEED);
+    }
+  }
+  return made;
+}
+
+EmbreeScene::EmbreeScene(EmbreeScene&& other) noexcept
+    : vertices_(std::move(other.vertices_)),
+      indices_(std::move(other.indices_)),
+      device_(std::exchange(other.device_, nullptr)),
+      scene_(std::exchange(other.scene_, nullptr)),
+      triangles_(other.triangles_),
+      build_seconds_(other.build_seconds_) {}
+
+EmbreeScene::~EmbreeScene() {
+  if (scene_ != nullptr) {
+    rtcReleaseScene(scene_);
+  }
+  if (device_ != nullptr) {
+    rtcReleaseDevice(device_);
+  }
+}
+
+bool EmbreeScene::closest(const Ray& ray) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRayHit query{};
+  query.ray.org_x = ray.org[0];
+  query.ray.org_y = ray.org[1];
+  query.ray.org_z = ray.org[2];
+  query.ray.tnear = ray.tnear;
+  query.ray.dir_x = ray.dir[0];
+  query.ray.dir_y = ray.dir[1];
+  query.ray.dir_z = ray.dir[2];
+  query.ray.tfar = ray.tfar;
+  query.ray.mask = ~0U;
+  query.hit.geomID = query.hit.primID = query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  rtcIntersect1(scene_, &context, &query);
+  return query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+}
+
+}  // namespace raymill::bench

@@ -1,0 +1,170 @@
+// raymill-peer: Embree on the scene and rays of a trace, for as many seconds as it is given.
+//
+//   raymill-peer SCENE... --rays RAYS.npy [--threads N] [--seconds S]
+//   raymill-peer SCENE... --commands        one run for each line of stdin: THREADS SECONDS RAYS.npy
+//
+// Prints a line of JSON when the scene stands, and one for each run. Exit codes: 0; 2 it could not be run.
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "client/cli/ray_file.h"
+#include "storage/base/ledger.h"
+#include "tests/bench/out_of_core/embree_scene.h"
+
+namespace raymill::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Rays that a thread takes at once, and between two looks at the clock: a ray that waits for swap takes milliseconds.
+constexpr std::size_t kChunkRays = 1024;
+constexpr std::size_t kClockRays = 16;
+
+struct Options {
+  EmbreeScene::Config scene;
+  std::string rays;
+  unsigned threads = 1;
+  double seconds = 60;
+  bool commands = false;
+};
+
+struct RunRequest {
+  std::string rays;
+  unsigned threads = 1;
+  double seconds = 0;
+};
+
+double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+
+// Deals out the rays of a file in its order. Thread-safe.
+class RayDealer {
+ public:
+  explicit RayDealer(client::RayFileReader reader) : reader_(std::move(reader)) {}
+  // Returns how many; 0 at the end and after an error.
+  std::size_t take(std::span<Ray> rays) {
+    const std::lock_guard lock(mutex_);
+    auto count = status_.ok() ? reader_.read(rays) : Result<std::size_t>(std::size_t(0));
+    if (!count) {
+      status_ = count.status();
+      return 0;
+    }
+    return *count;
+  }
+  [[nodiscard]] const Status& status() const { return status_; }  // once the threads are gone
+
+ private:
+  std::mutex mutex_;
+  client::RayFileReader reader_;
+  Status status_;
+};
+
+Result<nlohmann::json> trace(const EmbreeScene& scene, const RunRequest& request) {
+  RAYMILL_ASSIGN_OR_RETURN(auto reader, client::RayFileReader::open(request.rays));
+  const std::uint64_t asked = reader.count();
+  RayDealer dealer(std::move(reader));
+  std::atomic<std::uint64_t> rays = 0, hits = 0;
+  const auto begin = Clock::now();
+  const auto work = [&] {
+    std::vector<Ray> chunk(kChunkRays);
+    std::uint64_t done = 0, found = 0;
+    bool in_time = true;
+    while (in_time) {
+      const std::size_t count = dealer.take(chunk);
+      if (count == 0) {
+        break;
+      }
+      for (std::size_t i = 0; i < count && in_time; ++i, ++done) {
+        found += scene.closest(chunk[i]) ? 1 : 0;
+        in_time = i % kClockRays != 0 || seconds_since(begin) < request.seconds;
+      }
+    }
+    rays += done;
+    hits += found;
+  };
+  std::vector<std::thread> threads;
+  for (unsigned i = 0; i < request.threads; ++i) {
+    threads.emplace_back(work);
+  }
+  for (std::thread& thread : threads) {
+    thread.join();
+  }
+  const double seconds = seconds_since(begin);
+  RAYMILL_RETURN_IF_ERROR(dealer.status());
+  return nlohmann::json{{"event", "traced"},
+                        {"rays", rays.load()},
+                        {"hits", hits.load()},
+                        {"complete", rays == asked},
+                        {"seconds", seconds},
+                        {"rays_per_second", static_cast<double>(rays) / seconds},
+                        {"threads", request.threads},
+                        {"rss_bytes", storage::resident_bytes()},
+                        {"peak_rss_bytes", storage::peak_resident_bytes()}};
+}
+
+Status run(const Options& options) {
+  RAYMILL_ASSIGN_OR_RETURN(const EmbreeScene scene, EmbreeScene::create(options.scene));
+  const auto print = [](const nlohmann::json& line) { std::cout << line.dump() << std::endl; };
+  print({{"event", "built"},
+         {"triangles", scene.triangles()},
+         {"build_seconds", scene.build_seconds()},
+         {"rss_bytes", storage::resident_bytes()},
+         {"peak_rss_bytes", storage::peak_resident_bytes()}});
+  if (!options.commands) {
+    RAYMILL_ASSIGN_OR_RETURN(const auto traced, trace(scene, {options.rays, options.threads, options.seconds}));
+    print(traced);
+    return {};
+  }
+  for (std::string line; std::getline(std::cin, line);) {
+    RunRequest request;
+    std::istringstream words(line);
+    if (!(words >> request.threads >> request.seconds >> std::ws) || !std::getline(words, request.rays)) {
+      return {ErrorCode::invalid_argument, "'" + line + "' is not THREADS SECONDS RAYS.npy"};
+    }
+    RAYMILL_ASSIGN_OR_RETURN(const auto traced, trace(scene, request));
+    print(traced);
+  }
+  return {};
+}
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Traces rays with Embree (rtcIntersect1), for a comparison with raymill trace.", "raymill-peer");
+  app.add_option("SCENE", options.scene.scenes, "The scene files that the store was built from")->required();
+  auto* rays = app.add_option("--rays", options.rays, "RAYS.npy");
+  app.add_option("--threads", options.threads, "Threads that trace")->check(CLI::Range(1, 1024))->capture_default_str();
+  app.add_option("--seconds", options.seconds, "Stops after so long; the rays that were not reached are left out")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--device", options.scene.device, "As rtcNewDevice takes it, e.g. isa=avx2");
+  app.add_flag("--keep-arrays", options.scene.keep_arrays, "Keep vertices and indices in memory after the build");
+  auto* commands =
+      app.add_flag("--commands", options.commands, "Runs are lines of stdin, THREADS SECONDS RAYS.npy, until it ends");
+  rays->excludes(commands);
+  constexpr int kCannotRun = 2;
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kCannotRun;
+  }
+  if (options.rays.empty() && !options.commands) {
+    std::fprintf(stderr, "raymill-peer: give --rays or --commands\n");
+    return kCannotRun;
+  }
+  if (const Status status = run(options); !status.ok()) {
+    std::fprintf(stderr, "raymill-peer: %s\n", status.message().c_str());
+    return kCannotRun;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace raymill::bench
+
+int main(int argc, char** argv) { return raymill::bench::main(argc, argv); }
