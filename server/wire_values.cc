@@ -33,6 +33,13 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_kernel(utf8_or_question_marks(stats.kernel));
   wire.set_io(utf8_or_question_marks(stats.io));
   wire.set_io_note(utf8_or_question_marks(stats.io_note));
+  wire.set_distinct_bytes(stats.distinct_bytes);
+  wire.set_evictions(stats.evictions);
+  wire.set_decode_seconds(stats.decode_seconds);
+  wire.set_idle_seconds(stats.idle_seconds);
+  wire.set_most_in_flight(stats.most_in_flight);
+  wire.set_policy(utf8_or_question_marks(stats.policy));
+  wire.mutable_peak_bytes_by_tag()->insert(stats.peak_bytes_by_tag.begin(), stats.peak_bytes_by_tag.end());
   return wire;
 }
 
@@ -54,6 +61,13 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.kernel = wire.kernel();
   stats.io = wire.io();
   stats.io_note = wire.io_note();
+  stats.distinct_bytes = wire.distinct_bytes();
+  stats.evictions = wire.evictions();
+  stats.decode_seconds = wire.decode_seconds();
+  stats.idle_seconds = wire.idle_seconds();
+  stats.most_in_flight = wire.most_in_flight();
+  stats.policy = wire.policy();
+  stats.peak_bytes_by_tag.insert(wire.peak_bytes_by_tag().begin(), wire.peak_bytes_by_tag().end());
   return stats;
 }
 

@@ -128,6 +128,7 @@ class Engine::Impl {
     config.read_order = choices_.read_order;
     config.io = choices_.io;
     config.spill_directory = spill_directory(config_.spill_directory);
+    config.timeline = config_.timeline;
     if (config.share.bytes < traversal::least_share_bytes(*file, choices_.threads, config_.max_jobs)) {
       return {ErrorCode::budget_exceeded, path + ": needs at least " + storage::format_bytes(least_memory(*file)) +
                                               " of memory, " + storage::format_bytes(config_.memory) +

@@ -7,6 +7,7 @@
 
 #include "storage/base/ledger.h"
 #include "traversal/service.h"
+#include "traversal/timeline.h"
 
 namespace raymill {
 
@@ -18,10 +19,11 @@ struct EngineConfig {
   /// Which page is read next: "score" (most rays for each byte), "most-rays", "fifo" (longest wanted) or "sweep" (in
   /// the file's order). No answer depends on it.
   std::string policy = "score";
-  std::string io = "auto";           ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
-  unsigned max_jobs = 1;             ///< jobs at once; each gets its share of the ray memory
-  unsigned max_stores = 1;           ///< stores open at once; each gets its share of the page memory
-  std::string spill_directory = {};  ///< for results that wait; empty: TMPDIR, else /tmp
+  std::string io = "auto";  ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
+  unsigned max_jobs = 1;    ///< jobs at once; each gets its share of the ray memory
+  unsigned max_stores = 1;  ///< stores open at once; each gets its share of the page memory
+  std::shared_ptr<Timeline> timeline = {};  ///< records what workers and reads do; finish() it after the jobs
+  std::string spill_directory = {};         ///< for results that wait; empty: TMPDIR, else /tmp
 };
 
 /// Thread-safe. Stores and jobs keep what they need of the engine alive.

@@ -11,6 +11,8 @@ namespace {
 
 // Rays that are made into records between two locks.
 constexpr std::size_t kPieceRays = 1024;
+// Of a timeline; workers have the lanes below it.
+constexpr unsigned kPushLane = 1000;
 
 }  // namespace
 
@@ -83,7 +85,11 @@ void EngineJob::wait_blocked(std::unique_lock<std::mutex>& lock, bool for_rows) 
 Status EngineJob::spill_open_chunks(std::unique_lock<std::mutex>& lock) {
   ++tracer_->holds_;
   job_->changed.wait(lock, [this] { return job_->batches_out == 0; });
+  const auto begin = Timeline::Clock::now();
   Status status = job_->status.ok() ? job_->window->spill_open() : job_->status;
+  if (const auto& timeline = tracer_->config_.timeline) {
+    timeline->span(kPushLane, "spill results", begin, "spilled_bytes", job_->window->spilled_bytes());
+  }
   --tracer_->holds_;
   tracer_->work_wake_.notify_all();
   return status;
@@ -249,6 +255,13 @@ JobStats EngineJob::stats() const {
   stats.pages_read = tracer_->stats_.pages_read;
   stats.bytes_read = tracer_->stats_.bytes_read;
   stats.distinct_pages = tracer_->stats_.distinct_pages;
+  stats.distinct_bytes = tracer_->stats_.distinct_bytes;
+  stats.evictions = tracer_->cache_->evictions();
+  stats.decode_seconds = tracer_->stats_.decode_seconds;
+  stats.idle_seconds = tracer_->stats_.idle_seconds;
+  stats.most_in_flight = job_->most_in_flight;
+  stats.policy = to_string(tracer_->config_.read_order);
+  stats.peak_bytes_by_tag = tracer_->ledger_.peaks();
   stats.result_spill_bytes = job_->window->spilled_bytes();
   stats.trace_seconds = std::max(0.0, std::chrono::duration<double>(job_->last_done - job_->first_push).count());
   stats.peak_rss_bytes = storage::peak_resident_bytes();

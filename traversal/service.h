@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -72,17 +73,25 @@ struct JobStats {
   std::uint64_t pages_read = 0;
   std::uint64_t bytes_read = 0;
   std::uint64_t distinct_pages = 0;
+  std::uint64_t distinct_bytes =
+      0;  ///< of those pages as they stand in the file; bytes_read / distinct_bytes: amplification
+  std::uint64_t evictions = 0;
+  double decode_seconds = 0;  ///< of all workers
+  double idle_seconds = 0;    ///< of all workers, with jobs running and nothing to run or decode
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
-  std::uint64_t rays_parked = 0;         ///< times a ray waited for a page
-  std::uint64_t result_spill_bytes = 0;  ///< results that waited on disk for next()
-  double trace_seconds = 0;              ///< from the first push to the last hit
-  std::uint64_t peak_rss_bytes = 0;      ///< of the process that traces
-  std::string isa;                       ///< "avx2", "scalar"
-  std::string kernel;                    ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
-  std::string io;                        ///< e.g. "io_uring/direct"
-  std::string io_note;                   ///< why reads are not direct, where they are not
+  std::uint64_t rays_parked = 0;                           ///< times a ray waited for a page
+  std::uint64_t most_in_flight = 0;                        ///< rays that memory holds at once
+  std::uint64_t result_spill_bytes = 0;                    ///< results that waited on disk for next()
+  double trace_seconds = 0;                                ///< from the first push to the last hit
+  std::uint64_t peak_rss_bytes = 0;                        ///< of the process that traces
+  std::string isa;                                         ///< "avx2", "scalar"
+  std::string kernel;                                      ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
+  std::map<std::string, std::uint64_t> peak_bytes_by_tag;  ///< of the claims on the budget
+  std::string policy;                                      ///< which page was read next: "score", ...
+  std::string io;                                          ///< e.g. "io_uring/direct"
+  std::string io_note;                                     ///< why reads are not direct, where they are not
 };
 
 /// One batch of rays in flight. push() and finish() may run in one thread while next() runs in another.

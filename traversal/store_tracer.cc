@@ -56,6 +56,9 @@ Status StoreTracer::init() {
                                                               [this](storage::PageArrival a) { on_arrival(a); }));
   RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes));
   for (unsigned i = 0; i < threads; ++i) {
+    if (config_.timeline) {
+      config_.timeline->name_lane(i, "worker " + std::to_string(i));
+    }
     threads_.emplace_back([this, i] { work(i); });
   }
   return {};
@@ -125,14 +128,7 @@ void StoreTracer::work(unsigned index) {
   Worker worker(index, *file_);
   std::unique_lock lock(mutex_);
   while (true) {
-    const auto something_to_do = [this] {
-      return stopping_ || !arrivals_.empty() || (scheduler_.has_ready() && holds_ == 0);
-    };
-    if (jobs_.empty()) {
-      work_wake_.wait(lock, [&] { return something_to_do() || !jobs_.empty(); });
-    } else {
-      work_wake_.wait_for(lock, kPushPatience, something_to_do);
-    }
+    wait_for_work(lock);
     if (stopping_) {
       return;
     }
@@ -145,6 +141,22 @@ void StoreTracer::work(unsigned index) {
     }
     pump_reads();
   }
+}
+
+void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
+  const auto something_to_do = [this] {
+    return stopping_ || !arrivals_.empty() || (scheduler_.has_ready() && holds_ == 0);
+  };
+  if (something_to_do()) {
+    return;
+  }
+  if (jobs_.empty()) {
+    work_wake_.wait(lock, [&] { return something_to_do() || !jobs_.empty(); });
+    return;
+  }
+  const auto begin = Timeline::Clock::now();
+  work_wake_.wait_for(lock, kPushPatience, something_to_do);
+  stats_.idle_seconds += std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
 }
 
 void StoreTracer::on_arrival(storage::PageArrival arrival) {
@@ -170,7 +182,7 @@ bool StoreTracer::enough_wait() const {
 // Starts reads in the policy's order. While there are frames a page costs nothing but its read; where another page must
 // go for it, the more rays wait for it the better, so first the rays in flight are as many as memory holds.
 void StoreTracer::pump_reads() {
-  while (leases_.size() < plan_.read_depth && scheduler_.wanted_count() > 0) {
+  while (readings_.size() < plan_.read_depth && scheduler_.wanted_count() > 0) {
     if (!cache_->has_free_frame() && !enough_wait()) {
       return;
     }
@@ -185,7 +197,7 @@ void StoreTracer::pump_reads() {
       return;
     }
     scheduler_.reading(*page);
-    leases_.push_back(*lease);
+    readings_.push_back({*lease, Timeline::Clock::now()});
     reader_->start(*page);
   }
 }
@@ -193,11 +205,11 @@ void StoreTracer::pump_reads() {
 void StoreTracer::handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock) {
   const storage::PageArrival arrival = std::move(arrivals_.back());
   arrivals_.pop_back();
-  const auto lease_at = std::find_if(leases_.begin(), leases_.end(),
-                                     [&](const storage::FrameLease& l) { return l.page == arrival.page; });
-  assert(lease_at != leases_.end());
-  const storage::FrameLease lease = *lease_at;
+  const auto of_page = [&](const Reading& r) { return r.lease.page == arrival.page; };
+  const Reading reading = *std::find_if(readings_.begin(), readings_.end(), of_page);
+  const storage::FrameLease& lease = reading.lease;
   lock.unlock();
+  const auto begin = Timeline::Clock::now();
   Status status = arrival.status;
   if (status.ok()) {
     status = file_->check_page(arrival.page, arrival.encoded);
@@ -207,15 +219,22 @@ void StoreTracer::handle_arrival(Worker& worker, std::unique_lock<std::mutex>& l
       status = file_->page_fault(arrival.page, size.status());
     }
   }
+  const std::uint64_t encoded_bytes = arrival.encoded.size();
   reader_->release(arrival);
+  if (config_.timeline) {
+    config_.timeline->read(index_of(arrival.page), reading.begin, begin, encoded_bytes);
+    config_.timeline->span(worker.index, "decode", begin, "page", index_of(arrival.page));
+  }
+  const double decode_seconds = std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
   lock.lock();
-  leases_.erase(std::find_if(leases_.begin(), leases_.end(),
-                             [&](const storage::FrameLease& l) { return l.page == arrival.page; }));
+  readings_.erase(std::find_if(readings_.begin(), readings_.end(), of_page));
+  stats_.decode_seconds += decode_seconds;
   ++stats_.pages_read;
-  stats_.bytes_read += arrival.encoded.size();
+  stats_.bytes_read += encoded_bytes;
   if (!was_read_[index_of(arrival.page)]) {
     was_read_[index_of(arrival.page)] = true;
     ++stats_.distinct_pages;
+    stats_.distinct_bytes += encoded_bytes;
   }
   if (status.ok()) {
     cache_->publish(lease);
@@ -252,6 +271,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   storage::PagePin pin = cache_->pin(worker.index);
   lock.unlock();
 
+  const auto begin = Timeline::Clock::now();
   const RowTable& rows = job->window->rows();
   worker.rays.clear();
   job->pool->for_each(batch, [&](const std::byte* record) {
@@ -278,6 +298,9 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
     }
   }
   std::sort(worker.parked.begin(), worker.parked.end());
+  if (config_.timeline) {
+    config_.timeline->span(worker.index, "rays", begin, "rays", worker.rays.size());
+  }
 
   lock.lock();
   --job->batches_out;

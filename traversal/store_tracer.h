@@ -28,6 +28,7 @@
 #include "traversal/kernel.h"
 #include "traversal/page_scheduler.h"
 #include "traversal/service.h"
+#include "traversal/timeline.h"
 
 namespace raymill::traversal {
 
@@ -47,6 +48,7 @@ class StoreTracer {
     ReadOrder read_order = ReadOrder::score;
     storage::ReaderKind io = storage::ReaderKind::automatic;
     std::string spill_directory;
+    std::shared_ptr<Timeline> timeline;  ///< none: nothing is recorded
   };
   /// Errors: budget_exceeded.
   static Result<std::shared_ptr<StoreTracer>> create(std::shared_ptr<const storage::StoreFile> file,
@@ -65,12 +67,16 @@ class StoreTracer {
     std::uint64_t pages_read = 0;
     std::uint64_t bytes_read = 0;
     std::uint64_t distinct_pages = 0;
+    std::uint64_t distinct_bytes = 0;
+    double decode_seconds = 0;
+    double idle_seconds = 0;
   };
 
   StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger);
   Status init();
 
   void work(unsigned index);
+  void wait_for_work(std::unique_lock<std::mutex>& lock);
   void handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
   void settle(Worker& worker, TraceJob& job);
@@ -92,8 +98,12 @@ class StoreTracer {
   std::condition_variable work_wake_;  // workers: something to do
   PageScheduler scheduler_;
   std::vector<storage::PageArrival> arrivals_;
-  std::vector<storage::FrameLease> leases_;  // of reads under way
-  std::vector<bool> was_read_;               // for distinct_pages
+  struct Reading {
+    storage::FrameLease lease;
+    Timeline::Clock::time_point begin;
+  };
+  std::vector<Reading> readings_;  // under way
+  std::vector<bool> was_read_;     // for distinct_pages
   std::vector<std::shared_ptr<TraceJob>> jobs_;
   std::size_t next_job_ = 0;  // round robin
   StoreStats stats_;

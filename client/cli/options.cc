@@ -28,6 +28,9 @@ void ServiceOptions::add_to(CLI::App& app) {
       ->type_name("NAME");
   add_io_option(app, io);
   app.add_option("--server", server, "Trace on this server instead (ipc://PATH or tcp://HOST:PORT)")->type_name("ADDR");
+  app.add_option("--trace", timeline_path,
+                 "Write a timeline of reads, decoding and workers to this file; ui.perfetto.dev opens it")
+      ->type_name("FILE.json");
   app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
 }
 
@@ -44,8 +47,14 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
     config.threads = options.threads;
     config.isa = options.isa;
     config.policy = options.policy;
+    if (!options.timeline_path.empty()) {
+      RAYMILL_ASSIGN_OR_RETURN(open.timeline, Timeline::create(options.timeline_path));
+      config.timeline = open.timeline;
+    }
     config.io = options.io;
     RAYMILL_ASSIGN_OR_RETURN(open.service, Engine::create(config));
+  } else if (!options.timeline_path.empty()) {
+    return {ErrorCode::invalid_argument, "--trace records this process; with --server the work is done elsewhere"};
   } else {
     RAYMILL_ASSIGN_OR_RETURN(open.service, Client::connect({.address = options.server}));
   }
@@ -130,7 +139,10 @@ Status write_json(storage::AtomicFile& file, const nlohmann::json& object) {
   return file.commit();
 }
 
-Status write_stats(const ServiceOptions& options, const JobStats& stats, const RunTimes& times) {
+Status write_stats(const ServiceOptions& options, const OpenStore& open, const JobStats& stats, const RunTimes& times) {
+  if (open.timeline) {
+    RAYMILL_RETURN_IF_ERROR(open.timeline->finish());
+  }
   if (options.stats_path.empty()) {
     return {};
   }

@@ -38,6 +38,7 @@ struct ServiceOptions {
   std::string io = "auto";
   std::string server;
   std::string stats_path;
+  std::string timeline_path;
 
   void add_to(CLI::App& app);
   /// `threads`, with 0 resolved to this machine's cores.
@@ -46,6 +47,7 @@ struct ServiceOptions {
 
 /// An open store, the service that serves it, and how long opening took.
 struct OpenStore {
+  std::shared_ptr<Timeline> timeline;  ///< where one was asked for
   std::unique_ptr<Service> service;
   std::shared_ptr<Store> store;
   double open_seconds = 0;
@@ -74,8 +76,8 @@ Status print(const std::string& text);
 Status print_json(const nlohmann::json& object);
 /// Writes the object and gives the file its name.
 Status write_json(storage::AtomicFile& file, const nlohmann::json& object);
-/// Writes the stats object where a path is given.
-Status write_stats(const ServiceOptions& options, const JobStats& stats, const RunTimes& times);
+/// Writes the stats object and finishes the timeline, where they were asked for.
+Status write_stats(const ServiceOptions& options, const OpenStore& open, const JobStats& stats, const RunTimes& times);
 
 /// Fills peak_rss_bytes with this process's own where the rays were traced here.
 JobStats with_peak(JobStats stats, const ServiceOptions& options);

@@ -138,6 +138,13 @@ Result<RayFileReader> RayFileReader::open(const std::string& path) {
   return file;
 }
 
+std::string RayFileReader::identity() const {
+  struct stat info {};
+  ::fstat(descriptor_, &info);
+  return std::to_string(info.st_size) + " bytes of " + std::to_string(info.st_mtim.tv_sec) + "." +
+         std::to_string(info.st_mtim.tv_nsec);
+}
+
 Result<std::size_t> RayFileReader::read(std::span<Ray> rays) {
   const std::size_t row_bytes = std::size_t{columns_} * value_bytes_;
   const std::size_t buffer_rays = buffer_.size() / row_bytes;

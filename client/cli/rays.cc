@@ -210,8 +210,8 @@ Status run(const Options& options) {
                                     : write_secondary(options, maker, writer, buffer, *open.store, *progress, stats));
   RAYMILL_RETURN_IF_ERROR(writer.commit());
   progress.reset();
-  RAYMILL_RETURN_IF_ERROR(
-      write_stats(options.service, with_peak(stats.total(), options.service), {.open_seconds = open.open_seconds}));
+  RAYMILL_RETURN_IF_ERROR(write_stats(options.service, open, with_peak(stats.total(), options.service),
+                                      {.open_seconds = open.open_seconds}));
   return options.json ? print_json({{"output", options.output}, {"rays", options.count}})
                       : print(options.output + ": " + std::to_string(options.count) + " rays\n");
 }

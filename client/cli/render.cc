@@ -124,7 +124,7 @@ Status run(Options& options) {
   progress.reset();
   const JobStats stats = with_peak(renderer.stats(), options.service);
   const RunTimes times{.open_seconds = open.open_seconds, .output_seconds = output_seconds};
-  RAYMILL_RETURN_IF_ERROR(write_stats(options.service, stats, times));
+  RAYMILL_RETURN_IF_ERROR(write_stats(options.service, open, stats, times));
   return options.json ? print_json(stats_json(stats, times, options.service.memory, options.service.thread_count()))
                       : print(stats_text(stats));
 }

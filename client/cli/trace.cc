@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "client/cli/batch.h"
+#include "client/cli/hit_file.h"
 #include "client/cli/npy.h"
 #include "client/cli/options.h"
 #include "client/cli/ray_file.h"
 #include "client/cli/verbs.h"
-#include "storage/base/atomic_file.h"
 
 namespace raymill::client {
 
@@ -23,7 +23,19 @@ struct Options {
   ServiceOptions service;
   std::string progress;
   bool json = false;
+  bool resume = false;
 };
+
+// What the rows depend on: a part of the hits goes on only where all of it is the same.
+nlohmann::json run_of(const Options& options, const RayFileReader& reader, const StoreInfo& store) {
+  return {{"rays", options.rays},
+          {"rays_file", reader.identity()},
+          {"ray_count", reader.count()},
+          {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
+          {"query", to_string(options.query.config.query)},
+          {"mode", to_string(options.query.config.mode)},
+          {"fields", static_cast<unsigned>(options.query.config.fields)}};
+}
 
 Status run(Options& options) {
   RAYMILL_RETURN_IF_ERROR(options.query.resolve());
@@ -32,17 +44,27 @@ Status run(Options& options) {
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
   std::vector<Ray> buffer(buffer_rays(options.service.memory));
   const HitLayout layout(options.query.config.fields);
-  RAYMILL_ASSIGN_OR_RETURN(auto file, storage::AtomicFile::create(options.output));
   const std::string header = npy_header(layout.numpy_descr(), reader.count(), 0);
-  RAYMILL_RETURN_IF_ERROR(file.write(std::as_bytes(std::span(header))));
-
+  std::optional<HitFile> file;
+  if (!options.resume) {
+    RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header));
+    file.emplace(std::move(whole));
+  }
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
+  if (options.resume) {
+    RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
+    RAYMILL_ASSIGN_OR_RETURN(
+        HitFile part, HitFile::resume(options.output, header, layout.row_bytes(), run_of(options, reader, info)));
+    file.emplace(std::move(part));
+    reader.skip(file->rows_done());
+  }
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open.store->trace(options.query.config));
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
-  std::uint64_t rows = 0;
+  std::uint64_t rows = file->rows_done();
+  const std::uint64_t rows_before = rows;
   BatchTimes times;
-  RAYMILL_RETURN_IF_ERROR(run_batch(
+  const Status status = run_batch(
       *job,
       [&]() -> Result<std::span<const Ray>> {
         RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(buffer));
@@ -50,21 +72,26 @@ Status run(Options& options) {
       },
       [&](const HitChunk& chunk) {
         rows += chunk.size();
-        return file.write(chunk.rows());
+        return file->write(chunk.rows());
       },
       [&](const JobProgress& state) {
-        progress->report("trace", static_cast<double>(state.rays_done) / total, state.rays_done, "rays");
+        progress->report("trace", static_cast<double>(rows_before + state.rays_done) / total, state.rays_done, "rays");
       },
-      times));
+      times);
+  if (status.code() == ErrorCode::interrupted && options.resume) {
+    return {status.code(),
+            status.message() + "; " + options.output + ".part holds what is finished, repeat the command to go on"};
+  }
+  RAYMILL_RETURN_IF_ERROR(status);
   if (rows != reader.count()) {
     return {ErrorCode::internal,
             "a bug of Raymill: " + std::to_string(rows) + " answers for " + std::to_string(reader.count()) + " rays"};
   }
-  RAYMILL_RETURN_IF_ERROR(file.commit());
+  RAYMILL_RETURN_IF_ERROR(file->commit());
   progress.reset();
   const JobStats stats = with_peak(job->stats(), options.service);
   const RunTimes run_times{open.open_seconds, times.input_seconds, times.output_seconds};
-  RAYMILL_RETURN_IF_ERROR(write_stats(options.service, stats, run_times));
+  RAYMILL_RETURN_IF_ERROR(write_stats(options.service, open, stats, run_times));
   return options.json ? print_json(stats_json(stats, run_times, options.service.memory, options.service.thread_count()))
                       : print(stats_text(stats));
 }
@@ -85,6 +112,9 @@ Verb add_trace(CLI::App& app) {
   verb->add_option("STORE", options->store, "The store; with --server its name there")->required()->type_name("X.mill");
   verb->add_option("RAYS", options->rays, "The rays")->required()->type_name("RAYS.npy");
   verb->add_option("-o,--output", options->output, "The hits to write")->required()->type_name("HITS.npy");
+  verb->add_flag("--resume", options->resume,
+                 "Keep what is finished in HITS.npy.part when the run is stopped, and go on from there when it is "
+                 "repeated");
   options->query.add_to(*verb);
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);

@@ -87,6 +87,17 @@ std::uint64_t Ledger::peak_bytes(Tag tag) const {
   return peak_bytes_[static_cast<std::size_t>(tag)];
 }
 
+std::map<std::string, std::uint64_t> Ledger::peaks() const {
+  const std::lock_guard lock(mutex_);
+  std::map<std::string, std::uint64_t> peaks;
+  for (std::size_t tag = 0; tag < peak_bytes_.size(); ++tag) {
+    if (peak_bytes_[tag] > 0) {
+      peaks.emplace(to_string(static_cast<Tag>(tag)), peak_bytes_[tag]);
+    }
+  }
+  return peaks;
+}
+
 namespace {
 
 std::uint64_t status_field_bytes(const char* field) {

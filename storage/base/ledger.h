@@ -8,7 +8,9 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <mutex>
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -70,6 +72,8 @@ class Ledger {
   [[nodiscard]] std::uint64_t free_bytes() const;
   [[nodiscard]] std::uint64_t used_bytes(Tag tag) const;
   [[nodiscard]] std::uint64_t peak_bytes(Tag tag) const;
+  /// Of every tag that was ever claimed, by name.
+  [[nodiscard]] std::map<std::string, std::uint64_t> peaks() const;
 
  private:
   friend class BudgetReservation;

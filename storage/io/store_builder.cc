@@ -232,11 +232,7 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.temporary_folder = blocks_.folder();
   report_.build_seconds = seconds_since(build_start);
   report_.peak_rss_bytes = peak_resident_bytes();
-  for (auto tag = Tag::base; tag < Tag::count; tag = static_cast<Tag>(static_cast<unsigned>(tag) + 1)) {
-    if (const std::uint64_t peak = ledger_.peak_bytes(tag); peak > 0) {
-      report_.peak_bytes_by_tag.emplace(to_string(tag), peak);
-    }
-  }
+  report_.peak_bytes_by_tag = ledger_.peaks();
   return report_;
 }
 
