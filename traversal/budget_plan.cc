@@ -25,6 +25,7 @@ constexpr unsigned kLeastChunkShift = 8;  // 256 rays
 constexpr unsigned kMostChunkShift = 16;  // 64 Ki rays: results come back in pieces of about a megabyte
 constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinBlocks) << kLeastChunkShift;
 constexpr std::uint64_t kMostRays = std::uint64_t(1) << 23;
+constexpr std::uint64_t kManyRays = std::uint64_t(1) << 20;
 // Rows in memory for each ray in flight. Those of rays that are done while others of their chunk are not take the
 // places of stragglers, whose rows are kept apart.
 constexpr std::uint64_t rows_for(std::uint64_t rays) { return rays; }
@@ -106,7 +107,13 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   const std::uint64_t per_frame = frame_cost(store, 1) - storage::PageCache::table_bytes(store.page_count(), 0);
   const std::uint64_t all_frames = store.page_count() * per_frame;
   const std::uint64_t most_job = share.max_jobs * job_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
-  std::uint64_t page_bytes = std::max(rest / 2, rest - std::min(rest, most_job));
+  // Rays come first where they are few: a read serves as many rays as wait, so under a small budget a ray more saves
+  // more reads than a page more (measured at 5 % of a 60 M store: a fifth fewer reads with two thirds for rays than
+  // with half).
+  const std::uint64_t many_rays =
+      share.max_jobs * job_bytes(kManyRays, store.page_count(), kLargestRecord, kLargestRow);
+  std::uint64_t page_bytes =
+      std::max({rest / 3, std::min(rest / 2, rest - std::min(rest, many_rays)), rest - std::min(rest, most_job)});
   page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
   plan.frame_count = static_cast<std::uint32_t>(std::max<std::uint64_t>(
       page_bytes / per_frame, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))));

@@ -190,7 +190,7 @@ Status EngineJob::push_some(std::span<const Ray> rays) {
     job_->last_push = std::chrono::steady_clock::now();
     job_->rays_pushed += count;
     for (const std::uint32_t number : invalid) {
-      window.complete(number);
+      (void)window.complete(number);
     }
     job_->rays_done += invalid.size();
     job_->stats.invalid += invalid.size();

@@ -115,15 +115,17 @@ float* ResultWindow::tnears_of_filling() {
   return slot.tnears.get();
 }
 
-void ResultWindow::complete(std::uint32_t number) {
+bool ResultWindow::complete(std::uint32_t number) {
   Slot& slot = slots_[number >> config_.chunk_shift];
   if (!slot.stragglers) {
     slot.done[number & (chunk_rays() - 1)] = true;
   }
-  if (--slot.remaining == 0 && slot.state == State::tracing) {
-    slot.state = State::done;
-    straggler_count_ -= slot.stragglers ? static_cast<std::uint32_t>(slot.stragglers->positions.size()) : 0;
+  if (--slot.remaining > 0 || slot.state != State::tracing) {
+    return false;
   }
+  slot.state = State::done;
+  straggler_count_ -= slot.stragglers ? static_cast<std::uint32_t>(slot.stragglers->positions.size()) : 0;
+  return true;
 }
 
 bool ResultWindow::deliverable() const {

@@ -68,8 +68,8 @@ class ResultWindow {
   /// Values for the slot being filled; all zero when first asked for.
   float* tnears_of_filling();
 
-  /// A ray is done with its row.
-  void complete(std::uint32_t number);
+  /// A ray is done with its row. True: its chunk is done with it.
+  bool complete(std::uint32_t number);
 
   // Delivery.
 

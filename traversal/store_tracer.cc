@@ -312,19 +312,25 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
                                            ": has pages whose references do not fit each other; build it "
                                            "again (`raymill verify` names the page)"};
   }
+  bool chunk_done = false;
   if (job->status.ok()) {
-    settle(worker, *job);
+    chunk_done = settle(worker, *job);
   } else {
     remove_job(*job);
   }
-  job->changed.notify_all();
+  // Waking costs more than a small batch: only where whoever waits can go on.
+  const bool room = job->push_blocked && job->in_flight() <= job->most_in_flight - job->most_in_flight / 16;
+  if (chunk_done || room || job->rows_exhausted || holds_ > 0 || !job->status.ok()) {
+    job->changed.notify_all();
+  }
 }
 
-// Done rays complete their chunks; the others join the queues of the pages they need.
-void StoreTracer::settle(Worker& worker, TraceJob& job) {
+// Done rays complete their chunks; the others join the queues of the pages they need. True: a chunk is done.
+bool StoreTracer::settle(Worker& worker, TraceJob& job) {
+  bool chunk_done = false;
   for (const RayState& ray : worker.rays) {
     if (ray.done) {
-      job.window->complete(ray.number);
+      chunk_done = job.window->complete(ray.number) || chunk_done;
       ++job.rays_done;
       job.stats.hits += ray.has_hit ? 1 : 0;
     }
@@ -342,6 +348,7 @@ void StoreTracer::settle(Worker& worker, TraceJob& job) {
     }
     scheduler_.add(page, static_cast<std::uint32_t>(i - begin), state_of(page));
   }
+  return chunk_done;
 }
 
 void StoreTracer::fail_waiting(storage::PageId page, const Status& status) {

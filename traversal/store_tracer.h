@@ -79,7 +79,7 @@ class StoreTracer {
   void wait_for_work(std::unique_lock<std::mutex>& lock);
   void handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
-  void settle(Worker& worker, TraceJob& job);
+  bool settle(Worker& worker, TraceJob& job);
   [[nodiscard]] bool enough_wait() const;
   void pump_reads();
   void on_arrival(storage::PageArrival arrival);
