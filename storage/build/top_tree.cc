@@ -6,7 +6,7 @@
 namespace raymill::storage {
 namespace {
 
-// Levels beyond those of a balanced tree that let a run's tree follow the SAH, for each bit of a node's width.
+// Levels beyond those of a balanced tree, so that a run's tree can follow the SAH.
 unsigned spare_levels(unsigned width) { return width == 8 ? 5 : 8; }
 
 BinaryTree binary_of(const Partition& partition) {

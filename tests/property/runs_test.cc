@@ -77,18 +77,7 @@ TEST_P(Runs, OfAnySizeGiveTheSameHits) {
   Random random(seed);
   const TempFolder folder;
   const Scene scene = draw_scene(random);
-  storage::Aabb bounds;
-  for (const Triangle& t : triangles_of(scene)) {
-    bounds.grow(storage::bounds(t));
-  }
-  std::vector<Ray> rays = random_rays(random, bounds, 1500);
-  for (int i = 0; i < 200; ++i) {
-    const auto vertices = vertices_of(scene[0]);
-    rays.push_back(
-        ray_towards({0.1F, 0.2F, 0.3F}, vertices[random.below(static_cast<std::uint32_t>(vertices.size()))]));
-  }
-  const std::vector<Ray> hostile = hostile_rays();
-  rays.insert(rays.begin() + 100, hostile.begin(), hostile.end());
+  const std::vector<Ray> rays = mixed_rays(random, scene, 1500);
 
   TraceSetup setup;
   setup.trace.mode = pick(random, {Mode::watertight, Mode::fast});

@@ -113,4 +113,20 @@ bool same_bits(const Hit& a, const Hit& b) {
   return equal;
 }
 
+std::vector<Ray> mixed_rays(Random& random, const Scene& scene, std::size_t count) {
+  storage::Aabb bounds;
+  for (const Triangle& t : triangles_of(scene)) {
+    bounds.grow(storage::bounds(t));
+  }
+  std::vector<Ray> rays = random_rays(random, bounds, count);
+  const auto vertices = vertices_of(scene[0]);
+  for (int i = 0; i < 200; ++i) {
+    const auto number = random.below(static_cast<std::uint32_t>(vertices.size()));
+    rays.push_back(ray_towards({0.1F, 0.2F, 0.3F}, vertices[number]));
+  }
+  const std::vector<Ray> hostile = hostile_rays();
+  rays.insert(rays.begin() + static_cast<std::ptrdiff_t>(count / 4), hostile.begin(), hostile.end());
+  return rays;
+}
+
 }  // namespace raymill::tests

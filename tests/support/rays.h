@@ -6,6 +6,7 @@
 
 #include "storage/base/vec3.h"
 #include "tests/support/random.h"
+#include "tests/support/scenes.h"
 #include "traversal/query.h"
 
 namespace raymill::tests {
@@ -23,5 +24,8 @@ std::vector<Ray> hostile_rays();
 std::string text_of(const Hit& hit);
 std::string text_of(const Ray& ray);
 bool same_bits(const Hit& a, const Hit& b);
+
+/// `count` random rays about the scene, two hundred at vertices of its first mesh, and the hostile ones among them.
+std::vector<Ray> mixed_rays(Random& random, const Scene& scene, std::size_t count);
 
 }  // namespace raymill::tests
