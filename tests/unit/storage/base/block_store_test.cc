@@ -242,6 +242,7 @@ TEST(BlockStoreDeathTest, FullDiskIsSaidToBeFull) {
   const std::string place = folder / "small";
   std::filesystem::create_directory(place);
   if (::mount("tmpfs", place.c_str(), "tmpfs", 0, "size=256k") != 0) {
+    // Mounting takes root, which a container may not have.
     GTEST_SKIP() << "cannot mount a small file system: " << std::strerror(errno);
   }
   EXPECT_EXIT(fill(place), testing::ExitedWithCode(0), "");

@@ -25,6 +25,7 @@ class PageReaderTest : public testing::TestWithParam<ReaderKind> {
  protected:
   void SetUp() override {
     if (const Status status = UringReader::available(); GetParam() == ReaderKind::uring && !status.ok()) {
+      // Kernels and containers may forbid io_uring; then the pread pool is what runs there too.
       GTEST_SKIP() << status.message();
     }
     open(folder_.path());
@@ -206,6 +207,7 @@ TEST_P(PageReaderTest, RefusedDirectReadsAreBufferedAndToldOf) {
   const std::string folder = folder_ / "ramfs";
   std::filesystem::create_directory(folder);
   if (::mount("ramfs", folder.c_str(), "ramfs", 0, nullptr) != 0) {
+    // Mounting takes root, which a container may not have.
     GTEST_SKIP() << "cannot mount a ramfs: " << std::strerror(errno);
   }
   open(folder);
