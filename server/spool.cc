@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "server/wire.h"
+#include "storage/base/file_io.h"
 
 namespace raymill::server {
 
@@ -25,8 +26,7 @@ constexpr std::string_view kRowsSuffix = ".rows";
 constexpr std::string_view kPartSuffix = ".rows.part";
 
 Status system_error(const std::string& what, int error) {
-  const ErrorCode code = error == ENOSPC || error == EDQUOT ? ErrorCode::disk_full : ErrorCode::io;
-  return {code, what + ": " + std::generic_category().message(error)};
+  return {storage::write_error(error), what + ": " + std::generic_category().message(error)};
 }
 
 std::string rows_path(const std::string& folder, const std::string& job) {
@@ -149,19 +149,12 @@ Status Spool::read(const std::string& job, std::uint64_t offset, std::span<std::
   if (!file.valid()) {
     return system_error("kept rows cannot be read from " + path, errno);
   }
-  while (!bytes.empty()) {
-    const ::ssize_t got = ::pread(file.get(), bytes.data(), bytes.size(), static_cast<::off_t>(offset));
-    if (got < 0 && errno == EINTR) {
-      continue;
-    }
-    if (got < 0) {
-      return system_error("kept rows cannot be read from " + path, errno);
-    }
-    if (got == 0) {
-      return {ErrorCode::corrupt, "kept rows in " + path + " end before their time"};
-    }
-    offset += static_cast<std::uint64_t>(got);
-    bytes = bytes.subspan(static_cast<std::size_t>(got));
+  const auto got = storage::read_fully(file.get(), bytes, offset);
+  if (!got) {
+    return system_error("kept rows cannot be read from " + path, errno);
+  }
+  if (*got < bytes.size()) {
+    return {ErrorCode::corrupt, "kept rows in " + path + " end before their time"};
   }
   return {};
 }

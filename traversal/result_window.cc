@@ -1,14 +1,14 @@
 #include "traversal/result_window.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cassert>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <utility>
+
+#include "storage/base/file_io.h"
 
 namespace raymill::traversal {
 namespace {
@@ -186,13 +186,11 @@ Status ResultWindow::open_file() {
   if (file_ >= 0) {
     return {};
   }
-  std::string name = config_.spill_directory + "/raymill-results-XXXXXX";
-  file_ = ::mkostemp(name.data(), O_CLOEXEC);
+  file_ = storage::open_nameless(config_.spill_directory);
   if (file_ < 0) {
     return {ErrorCode::io, "cannot make a temporary file for results in " + config_.spill_directory + ": " +
                                std::strerror(errno) + "; set TMPDIR to a folder with room"};
   }
-  ::unlink(name.c_str());
   return {};
 }
 
@@ -212,26 +210,19 @@ Status ResultWindow::write_rows(Slot& slot) {
 }
 
 Status ResultWindow::write_at(std::uint64_t offset, std::span<const std::byte> bytes) const {
-  for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::pwrite(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno != EINTR) {
-      return {errno == ENOSPC ? ErrorCode::disk_full : ErrorCode::io,
-              "cannot keep results in a temporary file in " + config_.spill_directory + ": " + std::strerror(errno) +
-                  "; fetch results while pushing, or set TMPDIR to a folder with room"};
-    }
-    done += n > 0 ? static_cast<std::size_t>(n) : 0;
+  if (!storage::write_fully(file_, bytes, offset)) {
+    return {storage::write_error(errno), "cannot keep results in a temporary file in " + config_.spill_directory +
+                                             ": " + std::strerror(errno) +
+                                             "; fetch results while pushing, or set TMPDIR to a folder with room"};
   }
   return {};
 }
 
 Status ResultWindow::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
-  for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::pread(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
-    if (n == 0 || (n < 0 && errno != EINTR)) {
-      return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
-                                 std::strerror(n < 0 ? errno : EIO)};
-    }
-    done += n > 0 ? static_cast<std::size_t>(n) : 0;
+  const auto got = storage::read_fully(file_, bytes, offset);
+  if (got != bytes.size()) {
+    return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
+                               std::strerror(got ? EIO : errno)};
   }
   return {};
 }

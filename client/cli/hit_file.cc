@@ -13,6 +13,8 @@
 #include <sstream>
 #include <utility>
 
+#include "storage/base/file_io.h"
+
 namespace raymill::client {
 
 namespace {
@@ -21,9 +23,7 @@ using nlohmann::json;
 
 Status failed(const std::string& path, const char* what) {
   const int error = errno;
-  const ErrorCode code = error == ENOSPC || error == EDQUOT ? ErrorCode::disk_full
-                         : error == ENOENT                  ? ErrorCode::not_found
-                                                            : ErrorCode::io;
+  const ErrorCode code = error == ENOENT ? ErrorCode::not_found : storage::write_error(error);
   return {code, path + ": cannot " + what + ": " + std::strerror(error)};
 }
 
@@ -106,7 +106,8 @@ Status HitFile::open_part(const std::string& header, std::size_t row_bytes) {
   }
   const auto size = static_cast<std::uint64_t>(info.st_size);
   std::string found(header.size(), '\0');
-  if (size >= header.size() && ::pread(part_, found.data(), found.size(), 0) == static_cast<ssize_t>(found.size())) {
+  if (size >= header.size() &&
+      storage::read_fully(part_, std::as_writable_bytes(std::span(found)), 0) == found.size()) {
     if (found != header) {
       return {ErrorCode::invalid_argument, part + ": is not a part of these hits; remove it to begin anew"};
     }
@@ -123,14 +124,10 @@ Status HitFile::write(std::span<const std::byte> rows) {
   if (whole_) {
     return whole_->write(rows);
   }
-  while (!rows.empty()) {
-    const ssize_t n = ::pwrite(part_, rows.data(), rows.size(), static_cast<off_t>(part_bytes_));
-    if (n < 0 && errno != EINTR) {
-      return failed(path_ + ".part", "write it");
-    }
-    part_bytes_ += n > 0 ? static_cast<std::uint64_t>(n) : 0;
-    rows = rows.subspan(n > 0 ? static_cast<std::size_t>(n) : 0);
+  if (!storage::write_fully(part_, rows, part_bytes_)) {
+    return failed(path_ + ".part", "write it");
   }
+  part_bytes_ += rows.size();
   return {};
 }
 

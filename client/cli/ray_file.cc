@@ -12,6 +12,7 @@
 
 #include "client/cli/npy.h"
 #include "client/cli/random.h"
+#include "storage/base/file_io.h"
 
 namespace raymill::client {
 
@@ -28,19 +29,8 @@ Status io_error(const std::string& path, int number) {
 
 // Reads up to bytes.size() at `offset`; fewer only at the end of the file.
 Result<std::size_t> read_at(const std::string& path, int descriptor, std::uint64_t offset, std::span<std::byte> bytes) {
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t count =
-        ::pread(descriptor, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
-    if (count < 0 && errno != EINTR) {
-      return io_error(path, errno);
-    }
-    if (count == 0) {
-      break;
-    }
-    done += static_cast<std::size_t>(std::max<ssize_t>(count, 0));
-  }
-  return done;
+  const auto got = storage::read_fully(descriptor, bytes, offset);
+  return got ? Result<std::size_t>(*got) : Result<std::size_t>(io_error(path, errno));
 }
 
 // As Python writes it: (3, 6), (18,).

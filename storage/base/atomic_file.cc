@@ -16,6 +16,8 @@
 #include <memory>
 #include <string_view>
 
+#include "storage/base/file_io.h"
+
 namespace raymill::storage {
 
 namespace {
@@ -25,12 +27,7 @@ constexpr std::size_t kMaxNameInTemporary = 200;
 constexpr int kMaxAttempts = 1000;
 
 Status error(const char* what, const std::string& path, int number) {
-  ErrorCode code = ErrorCode::io;
-  if (number == ENOSPC || number == EDQUOT) {
-    code = ErrorCode::disk_full;
-  } else if (number == ENOENT || number == ENOTDIR) {
-    code = ErrorCode::not_found;
-  }
+  const ErrorCode code = number == ENOENT || number == ENOTDIR ? ErrorCode::not_found : write_error(number);
   return {code, std::string("cannot ") + what + " " + path + ": " + std::strerror(number)};
 }
 
@@ -177,18 +174,7 @@ Status AtomicFile::write(std::span<const std::byte> bytes) {
 }
 
 Status AtomicFile::pwrite(std::span<const std::byte> bytes, std::uint64_t offset) {
-  while (!bytes.empty()) {
-    const ssize_t count = ::pwrite(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (count < 0) {
-      if (errno == EINTR) {
-        continue;
-      }
-      return error("write", path_, errno);
-    }
-    offset += static_cast<std::uint64_t>(count);
-    bytes = bytes.subspan(static_cast<std::size_t>(count));
-  }
-  return {};
+  return write_fully(descriptor_, bytes, offset) ? Status() : error("write", path_, errno);
 }
 
 Status AtomicFile::commit() {

@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "storage/base/file_io.h"
+
 namespace raymill::storage {
 
 BlockStore::~BlockStore() {
@@ -39,15 +41,7 @@ bool BlockStore::add_slab() {
 
 Status BlockStore::open_file() {
   const std::string folder = folder_.empty() ? "." : folder_;
-  descriptor_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-  if (descriptor_ < 0) {
-    // Some file systems have no nameless files.
-    std::string name = folder + "/raymill-XXXXXX.tmp";
-    descriptor_ = ::mkostemps(name.data(), 4, O_CLOEXEC);
-    if (descriptor_ >= 0) {
-      ::unlink(name.c_str());
-    }
-  }
+  descriptor_ = open_nameless(folder);
   if (descriptor_ < 0) {
     return {ErrorCode::io, folder + ": cannot make a temporary file: " + std::strerror(errno)};
   }
@@ -78,16 +72,9 @@ Result<BlockId> BlockStore::write(std::span<const std::byte> bytes) {
   } else {
     ++file_blocks_;
   }
-  for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::pwrite(descriptor_, bytes.data() + done, bytes.size() - done,
-                               static_cast<off_t>(std::uint64_t(block) * kBlockBytes + done));
-    if (n < 0 && errno != EINTR) {
-      const bool full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
-      return {full ? ErrorCode::disk_full : ErrorCode::io,
-              (folder_.empty() ? "." : folder_) + ": cannot write a temporary file: " + std::strerror(errno) +
-                  "; free some space there"};
-    }
-    done += n > 0 ? static_cast<std::size_t>(n) : 0;
+  if (!write_fully(descriptor_, bytes, std::uint64_t(block) * kBlockBytes)) {
+    return {write_error(errno), (folder_.empty() ? "." : folder_) + ": cannot write a temporary file: " +
+                                    std::strerror(errno) + "; free some space there"};
   }
   return BlockId{block | kInFile};
 }
@@ -104,13 +91,10 @@ Status BlockStore::read(BlockId block, std::span<std::byte> out) const {
     return {};
   }
   const std::uint64_t offset = std::uint64_t(number & ~kInFile) * kBlockBytes;
-  for (std::size_t done = 0; done < out.size();) {
-    const ssize_t n = ::pread(descriptor_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
-    if (n == 0 || (n < 0 && errno != EINTR)) {
-      return {ErrorCode::io, (folder_.empty() ? "." : folder_) + ": cannot read a temporary file back: " +
-                                 (n == 0 ? "it is shorter than what was written" : std::strerror(errno))};
-    }
-    done += n > 0 ? static_cast<std::size_t>(n) : 0;
+  const auto got = read_fully(descriptor_, out, offset);
+  if (got != out.size()) {
+    return {ErrorCode::io, (folder_.empty() ? "." : folder_) + ": cannot read a temporary file back: " +
+                               (got ? "it is shorter than what was written" : std::strerror(errno))};
   }
   return {};
 }

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <system_error>
 
+#include "storage/base/file_io.h"
 #include "storage/import/message.h"
 
 namespace raymill::storage {
@@ -63,20 +64,13 @@ Status ByteSource::read(std::uint64_t offset, std::span<std::byte> out) const {
     }
     return {};
   }
-  while (!out.empty()) {
-    const ssize_t got = ::pread(descriptor_, out.data(), out.size(), static_cast<off_t>(offset));
-    if (got < 0 && errno == EINTR) {
-      continue;
-    }
-    if (got < 0) {
-      return {ErrorCode::io, message("cannot read at byte ", offset, " (", reason(errno), ")")};
-    }
-    if (got == 0) {
-      return {ErrorCode::io,
-              message("the file ended at byte ", offset, " while it was read; it was changed meanwhile")};
-    }
-    offset += static_cast<std::uint64_t>(got);
-    out = out.subspan(static_cast<std::size_t>(got));
+  const auto got = read_fully(descriptor_, out, offset);
+  if (!got) {
+    return {ErrorCode::io, message("cannot read at byte ", offset, " (", reason(errno), ")")};
+  }
+  if (*got < out.size()) {
+    return {ErrorCode::io,
+            message("the file ended at byte ", offset + *got, " while it was read; it was changed meanwhile")};
   }
   return {};
 }

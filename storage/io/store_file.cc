@@ -9,34 +9,17 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <span>
 
 #include "storage/base/checksum.h"
+#include "storage/base/file_io.h"
 
 namespace raymill::storage {
 namespace {
 
 std::uint64_t round_up(std::uint64_t bytes) {
   return (bytes + kDirectBlockBytes - 1) / kDirectBlockBytes * kDirectBlockBytes;
-}
-
-// Reads up to `size` bytes; fewer only at the end of the file. -1 with errno on an error.
-ssize_t read_fully(int descriptor, std::byte* out, std::size_t size, std::uint64_t offset) {
-  std::size_t done = 0;
-  while (done < size) {
-    const ssize_t n = ::pread(descriptor, out + done, size - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) {
-      continue;
-    }
-    if (n < 0) {
-      return -1;
-    }
-    if (n == 0) {
-      break;
-    }
-    done += static_cast<std::size_t>(n);
-  }
-  return static_cast<ssize_t>(done);
 }
 
 }  // namespace
@@ -168,21 +151,22 @@ void StoreFile::forget(const PageBlocks& blocks) const {
 
 Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<std::byte> buffer) const {
   const PageBlocks blocks = blocks_of(page);
-  ssize_t n = -1;
+  const std::span<std::byte> into = buffer.first(blocks.bytes);
+  std::optional<std::size_t> got;
   if (direct_) {
-    n = read_fully(direct_descriptor_, buffer.data(), blocks.bytes, blocks.offset);
+    got = read_fully(direct_descriptor_, into, blocks.offset);
   }
-  if (n < 0) {
-    n = read_fully(descriptor_, buffer.data(), blocks.bytes, blocks.offset);
+  if (!got) {
+    got = read_fully(descriptor_, into, blocks.offset);
     const int error = errno;
     forget(blocks);
     errno = error;
   }
-  if (n < 0) {
+  if (!got) {
     return {ErrorCode::io,
             path_ + ": cannot read page " + std::to_string(index_of(page)) + ": " + std::strerror(errno)};
   }
-  return page_in(page, buffer, static_cast<std::uint64_t>(n));
+  return page_in(page, buffer, *got);
 }
 
 Status StoreFile::check_page(PageId page, std::span<const std::byte> encoded) const {
@@ -206,11 +190,11 @@ Result<std::string> StoreFile::read_metadata() const {
 }
 
 Status StoreFile::read_exactly(std::uint64_t offset, std::span<std::byte> out) const {
-  const ssize_t n = read_fully(descriptor_, out.data(), out.size(), offset);
-  if (n < 0) {
+  const auto got = read_fully(descriptor_, out, offset);
+  if (!got) {
     return {ErrorCode::io, path_ + ": cannot read: " + std::strerror(errno)};
   }
-  if (static_cast<std::size_t>(n) != out.size()) {
+  if (*got != out.size()) {
     return {ErrorCode::io, path_ + ": ends earlier than its size says"};
   }
   return {};
