@@ -2,8 +2,8 @@
 //
 //   share = fixed (tables, read buffers, decoders, workers) + frames x page size + jobs x (rays and their rows)
 //
-// Pages get what the decoded store needs; where that is more than there is, rays get what a million of them take, at least
-// half and at most two thirds of what is left after the fixed part. Measured in out_of_core.md. Immutable values.
+// Pages get what the decoded store needs; where that is more than there is, rays get what a million of them take, at
+// least half and at most two thirds of what is left after the fixed part. Measured in out_of_core.md. Immutable values.
 #pragma once
 
 #include <cstdint>
