@@ -28,8 +28,7 @@ struct TriangleBucket {
   Aabb box;
   Aabb middles;  ///< of the triangles' boxes
 
-  void note(const Triangle& t) {
-    const Aabb of_t = bounds(t);
+  void note(const Aabb& of_t) {
     box.grow(of_t);
     middles.grow(middle(of_t));
     ++count;
@@ -46,9 +45,11 @@ class BucketWriter {
   static constexpr std::uint64_t bytes() { return kBlockBytes; }
 
   /// Errors: disk_full, io.
-  Status add(const Triangle& t) {
+  Status add(const Triangle& t) { return add(t, bounds(t)); }
+  /// The same where the triangle's bounds are known.
+  Status add(const Triangle& t, const Aabb& box) {
     buffer_.reserve(kBlockTriangles);
-    bucket_.note(t);
+    bucket_.note(box);
     buffer_.push_back(t);
     return buffer_.size() == kBlockTriangles ? flush() : Status();
   }

@@ -1,8 +1,5 @@
 #include "storage/io/store_builder.h"
 
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <thread>
@@ -77,10 +74,11 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       probe_(std::move(probe)),
       ledger_(config.memory),
       blocks_(ledger_, temporary_folder(probe_)),
-      spool_(blocks_) {}
+      spool_(blocks_, plan_.threads > 1) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
+  RAYMILL_ASSIGN_OR_RETURN(spool_claim_, ledger_.claim(Tag::build, spool_.bytes()));
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
@@ -97,9 +95,7 @@ Status StoreBuilder::step(const char* phase, double fraction) const {
 }
 
 Status StoreBuilder::add(std::span<const Triangle> triangles) {
-  for (const Triangle& t : triangles) {
-    RAYMILL_RETURN_IF_ERROR(spool_.add(t));
-  }
+  RAYMILL_RETURN_IF_ERROR(spool_.add(triangles));
   return step("import", import_fraction_);
 }
 
@@ -112,19 +108,21 @@ Status StoreBuilder::needs(std::uint64_t triangles, std::uint64_t bytes) const {
 Result<Partition> StoreBuilder::partition(Lattice& lattice) {
   RAYMILL_RETURN_IF_ERROR(step("partition", 0));
   RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
+  spool_claim_ = {};
   lattice = Lattice(plan_.positions, all.box);
   if (all.count <= run_triangles_ && !lattice.active()) {
-    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles_, kLeastOpenBuckets, {}});
+    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles_, kLeastOpenBuckets, 1, {}});
   }
   PartitionConfig config;
   config.run_triangles = run_triangles_;
   config.most_open_buckets = kLeastOpenBuckets;
+  config.threads = plan_.threads;
   const std::uint64_t useful = all.count / run_triangles_ * 8 + 2;  // parts have an eighth of a run or more
   while (config.most_open_buckets < std::min<std::uint64_t>(kMostOpenBuckets, useful) &&
-         partition_bytes(config.most_open_buckets * 2, all.count) <= ledger_.free_bytes()) {
+         partition_bytes(config.most_open_buckets * 2, config.threads, all.count) <= ledger_.free_bytes()) {
     config.most_open_buckets *= 2;
   }
-  const std::uint64_t bytes = partition_bytes(config.most_open_buckets, all.count);
+  const std::uint64_t bytes = partition_bytes(config.most_open_buckets, config.threads, all.count);
   const Result<BudgetReservation> claim = ledger_.claim(Tag::build, bytes);
   if (!claim) {
     return needs(all.count, base_.bytes() + blocks_.memory_bytes() + bytes);

@@ -120,7 +120,7 @@ TEST_P(Bucket, VisitorsErrorEndsTheVisit) {
 TEST(TriangleBucket, MiddlesOfTheLargestTrianglesAreFinite) {
   TriangleBucket bucket;
   constexpr float kMost = std::numeric_limits<float>::max();
-  bucket.note({{Vec3f{kMost, kMost, kMost}, {kMost, 0, kMost}, {kMost, kMost, -kMost}}, 0, 0});
+  bucket.note(bounds({{Vec3f{kMost, kMost, kMost}, {kMost, 0, kMost}, {kMost, kMost, -kMost}}, 0, 0}));
   EXPECT_EQ(bucket.middles.lower, (Vec3f{kMost, kMost / 2, 0}));
 }
 
