@@ -82,8 +82,8 @@ Status StoreBuilder::claim_base() {
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
-  const std::uint64_t one_run = run_build_bytes(run_triangles_, 1, config_.page_bytes);
-  blocks_.keep_free(std::max(rest / 4, std::min(rest, one_run * plan_.threads)));
+  const std::uint64_t a_thread = run_build_bytes(run_triangles_) + page_build_bytes(config_.page_bytes, plan_.codec);
+  blocks_.keep_free(std::max(rest / 4, std::min(rest, a_thread * plan_.threads)));
   return {};
 }
 
@@ -181,24 +181,25 @@ Result<BuildReport> StoreBuilder::finish() {
   for (const TriangleBucket& run : parts.runs) {
     largest_run = std::max(largest_run, run.count);
   }
-  RunPipeline::Config config{config_.width,
-                             config_.page_bytes,
-                             plan_.codec,
-                             {lattice.active(), lattice.step_exponent()},
-                             plan_.threads,
-                             1,
-                             {}};
-  const std::uint64_t per_run = run_build_bytes(largest_run, plan_.threads, config_.page_bytes);
   // The directory grows by doubling; decoded pages hold 20 bytes a triangle or more.
   const std::uint64_t directory = 2 * sizeof(PageEntry) * (root.count * 40 / config_.page_bytes + 64);
+  const std::uint64_t a_run = run_build_bytes(largest_run);
+  const std::uint64_t a_page = page_build_bytes(config_.page_bytes, plan_.codec);
+  const std::uint64_t free = ledger_.free_bytes() - std::min(ledger_.free_bytes(), directory);
+  const auto threads =
+      static_cast<unsigned>(std::clamp<std::uint64_t>((free - std::min(free, a_run)) / a_page, 1, plan_.threads));
   // A run more than threads, so that one is read while the others are built.
-  const std::uint64_t most_runs = std::min<std::uint64_t>(parts.runs.size(), plan_.threads + 1);
-  config.runs_at_once = static_cast<unsigned>(std::clamp<std::uint64_t>(
-      (ledger_.free_bytes() - std::min(ledger_.free_bytes(), directory)) / per_run, 1, most_runs));
-  const Result<BudgetReservation> claim = ledger_.claim(Tag::build, directory + config.runs_at_once * per_run);
+  const auto most_runs = static_cast<unsigned>(std::min<std::uint64_t>(parts.runs.size(), threads + 1));
+  const std::uint64_t left = free - std::min(free, threads * a_page);
+  const auto runs_at_once = static_cast<unsigned>(std::clamp<std::uint64_t>(left / a_run, 1, most_runs));
+  const Result<BudgetReservation> claim =
+      ledger_.claim(Tag::build, directory + threads * a_page + runs_at_once * a_run);
   if (!claim) {
-    return needs(root.count, base_.bytes() + blocks_.memory_bytes() + directory + per_run);
+    return needs(root.count, base_.bytes() + blocks_.memory_bytes() + directory + a_page + a_run);
   }
+  RunPipeline::Config config{
+      config_.width, config_.page_bytes, plan_.codec, {lattice.active(), lattice.step_exponent()},
+      threads,       runs_at_once,       {}};
   config.progress = [&](std::uint64_t done) { return step("build", double(done) / double(root.count)); };
   RunPipeline pipeline(config, blocks_, parts, top, writer);
   RAYMILL_RETURN_IF_ERROR(pipeline.run());
@@ -222,7 +223,7 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.nodes = totals.nodes;
   report_.levels = totals.levels;
   report_.runs = parts.runs.size();
-  report_.runs_at_once = config.runs_at_once;
+  report_.runs_at_once = runs_at_once;
   const double root_area = root.box.half_area();
   report_.sah_cost = root_area > 0 ? 1 + totals.area_cost / root_area : 0;
   report_.store_bytes = writer.written_bytes();
