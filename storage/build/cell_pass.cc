@@ -16,6 +16,22 @@ std::uint64_t CellPass::bytes(unsigned threads) {
 }
 
 Status CellPass::run(const TriangleBucket& bucket, const Visit& visit) {
+  constexpr std::size_t kLeastBlocks = 4;  // waking threads for fewer takes longer than what they would do
+  return config_.threads == 1 || bucket.blocks.size() < kLeastBlocks ? run_here(bucket, visit)
+                                                                     : run_side_by_side(bucket, visit);
+}
+
+Status CellPass::run_here(const TriangleBucket& bucket, const Visit& visit) {
+  CellBlock block;
+  for (std::size_t i = 0; i < bucket.blocks.size(); ++i) {
+    RAYMILL_RETURN_IF_ERROR(fetch(bucket, i, block));
+    locate(block);
+    RAYMILL_RETURN_IF_ERROR(visit(block));
+  }
+  return {};
+}
+
+Status CellPass::run_side_by_side(const TriangleBucket& bucket, const Visit& visit) {
   // Blocks leave in the order in which they came, so the oldest one's place is free when another begins.
   std::vector<CellBlock> places(blocks_at_once(config_.threads));
   Status failure;

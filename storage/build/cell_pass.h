@@ -46,6 +46,8 @@ class CellPass {
 
  private:
   static unsigned blocks_at_once(unsigned threads);
+  Status run_here(const TriangleBucket& bucket, const Visit& visit);
+  Status run_side_by_side(const TriangleBucket& bucket, const Visit& visit);
   Status fetch(const TriangleBucket& bucket, std::size_t index, CellBlock& block);
   Status snap(CellBlock& block);
   void locate(CellBlock& block) const;

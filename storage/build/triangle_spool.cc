@@ -55,11 +55,12 @@ void TriangleSpool::run() {
     if (waiting_.empty()) {
       return;
     }
+    Piece& piece = waiting_.front();  // stays where it is while others come behind it
     lock.unlock();
-    Status status = write(waiting_.front());  // the front stays where it is while others come behind it
+    Status status = write(piece);
     lock.lock();
-    waiting_.front().clear();
-    spare_.push_back(std::move(waiting_.front()));
+    piece.clear();
+    spare_.push_back(std::move(piece));
     waiting_.pop_front();
     waiting_changed_.notify_all();
     if (!status.ok()) {
