@@ -16,9 +16,11 @@ namespace raymill::storage {
 
 std::uint64_t run_build_bytes(std::uint64_t triangles) {
   // The binary tree's build is the peak: Embree gives its memory back before the wide tree (15 B a triangle), the plan
-  // (12), the pages' vertices (6) and the encoded pages (10 to 30) come.
+  // (12), the pages' vertices (6) and the encoded pages (10 to 30) come. Of the pages of runs before it the allocator
+  // keeps some.
   constexpr std::uint64_t kFixedBytes = 1 << 20;
-  return kFixedBytes + triangles * sizeof(Triangle) + binary_tree_build_bytes(triangles);
+  constexpr std::uint64_t kKeptBytes = 16;
+  return kFixedBytes + triangles * (sizeof(Triangle) + kKeptBytes) + binary_tree_build_bytes(triangles);
 }
 
 std::uint64_t page_build_bytes(std::uint32_t page_bytes, Codec codec) {
