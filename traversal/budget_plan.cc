@@ -7,6 +7,7 @@
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
 #include "storage/pages/codec.h"
+#include "traversal/future_demand.h"
 #include "traversal/page_scheduler.h"
 #include "traversal/ray_pool.h"
 #include "traversal/result_window.h"
@@ -35,16 +36,16 @@ static_assert(rows_for(kMostRays) * ResultWindow::kSlotsPerBlock <= 0xFFFFFFFFu,
 constexpr std::size_t kLargestRow = 36;
 constexpr std::size_t kLargestRecord = 35 + sizeof(Bitstack);
 
-std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned depth) {
+std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs, unsigned depth) {
   const std::uint64_t worker =
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
-  return PageScheduler::bytes(store.page_count()) + storage::PageDecoder::process_bytes(store.codec()) +
-         depth * kThreadBytes + threads * worker;
+  return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
+         storage::PageDecoder::process_bytes(store.codec()) + depth * kThreadBytes + threads * worker;
 }
 
 // What does not depend on the share.
-std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned depth) {
-  return worker_bytes(store, threads, depth) + storage::page_reader_bytes(store, depth);
+std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs, unsigned depth) {
+  return worker_bytes(store, threads, max_jobs, depth) + storage::page_reader_bytes(store, depth);
 }
 
 std::uint32_t least_frames(unsigned threads, unsigned depth) { return threads + depth + 2; }
@@ -80,7 +81,7 @@ std::uint64_t least_job_bytes(const storage::StoreFile& store) {
 }  // namespace
 
 std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs) {
-  return fixed_bytes(store, threads, kLeastReadDepth) +
+  return fixed_bytes(store, threads, max_jobs, kLeastReadDepth) +
          frame_cost(store, std::min(store.page_count(), least_frames(threads, kLeastReadDepth))) +
          max_jobs * least_job_bytes(store);
 }
@@ -97,12 +98,12 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   plan.read_depth = kReadDepth;
   const std::uint64_t least_jobs = share.max_jobs * least_job_bytes(store);
   while (plan.read_depth > kLeastReadDepth &&
-         least_jobs + fixed_bytes(store, share.threads, plan.read_depth) +
+         least_jobs + fixed_bytes(store, share.threads, share.max_jobs, plan.read_depth) +
                  4 * frame_cost(store, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))) >
              share.bytes) {
     --plan.read_depth;
   }
-  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, plan.read_depth) -
+  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, share.max_jobs, plan.read_depth) -
                              storage::PageCache::table_bytes(store.page_count(), 0);
   const std::uint64_t per_frame = frame_cost(store, 1) - storage::PageCache::table_bytes(store.page_count(), 0);
   const std::uint64_t all_frames = store.page_count() * per_frame;
@@ -118,7 +119,7 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   plan.frame_count = static_cast<std::uint32_t>(std::max<std::uint64_t>(
       page_bytes / per_frame, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))));
   plan.frame_count = std::min(plan.frame_count, store.page_count());
-  plan.worker_bytes = worker_bytes(store, share.threads, plan.read_depth);
+  plan.worker_bytes = worker_bytes(store, share.threads, share.max_jobs, plan.read_depth);
   plan.job_bytes = std::min((rest - plan.frame_count * per_frame) / share.max_jobs, most_job / share.max_jobs);
   return plan;
 }

@@ -25,8 +25,10 @@
 #include "storage/io/page_reader.h"
 #include "storage/io/store_file.h"
 #include "traversal/budget_plan.h"
+#include "traversal/future_demand.h"
 #include "traversal/kernel.h"
 #include "traversal/page_scheduler.h"
+#include "traversal/page_trace.h"
 #include "traversal/service.h"
 #include "traversal/timeline.h"
 
@@ -46,6 +48,9 @@ class StoreTracer {
     StoreShare share;
     Isa isa = Isa::scalar;
     ReadOrder read_order = ReadOrder::score;
+    storage::EvictionKind eviction = storage::EvictionKind::clock;
+    bool adversarial = false;
+    std::shared_ptr<PageTrace> page_trace;  ///< none: nothing is recorded
     storage::ReaderKind io = storage::ReaderKind::automatic;
     std::string spill_directory;
     std::shared_ptr<Timeline> timeline;  ///< none: nothing is recorded
@@ -74,6 +79,7 @@ class StoreTracer {
 
   StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger);
   Status init();
+  [[nodiscard]] std::uint64_t aside_bytes() const;
 
   void work(unsigned index);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
@@ -93,6 +99,7 @@ class StoreTracer {
   storage::BudgetReservation workers_claim_;
   BudgetPlan plan_;
   std::unique_ptr<storage::PageCache> cache_;
+  std::shared_ptr<FutureDemand> future_demand_;  // none: eviction does not ask for it
 
   std::mutex mutex_;
   std::condition_variable work_wake_;  // workers: something to do

@@ -10,6 +10,7 @@ TraceJob::TraceJob(Setup setup)
       kernel_name(std::move(setup.kernel_name)),
       layout(setup.layout),
       most_in_flight(setup.most_in_flight),
+      future_demand(std::move(setup.future_demand)),
       pool(std::move(setup.pool)),
       window(std::move(setup.window)),
       queues(setup.page_count),

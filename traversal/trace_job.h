@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "storage/base/ledger.h"
+#include "traversal/future_demand.h"
 #include "traversal/kernel.h"
 #include "traversal/ray_pool.h"
 #include "traversal/ray_state.h"
@@ -30,6 +31,7 @@ class TraceJob {
     RecordLayout layout;
     std::unique_ptr<RayPool> pool;
     std::unique_ptr<ResultWindow> window;
+    std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
     storage::BudgetReservation queues_claim;
     std::uint32_t page_count = 0;
     std::uint32_t most_in_flight = 0;
@@ -45,6 +47,7 @@ class TraceJob {
   const std::string kernel_name;
   const RecordLayout layout;
   const std::uint32_t most_in_flight;
+  const std::unique_ptr<FutureDemand::Share> future_demand;
 
   // Under the tracer's mutex.
   std::unique_ptr<RayPool> pool;
