@@ -26,6 +26,7 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_nodes_visited(stats.nodes_visited);
   wire.set_triangles_tested(stats.triangles_tested);
   wire.set_rays_parked(stats.rays_parked);
+  wire.set_ray_spill_bytes(stats.ray_spill_bytes);
   wire.set_result_spill_bytes(stats.result_spill_bytes);
   wire.set_trace_seconds(stats.trace_seconds);
   wire.set_peak_rss_bytes(stats.peak_rss_bytes);
@@ -55,6 +56,7 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.nodes_visited = wire.nodes_visited();
   stats.triangles_tested = wire.triangles_tested();
   stats.rays_parked = wire.rays_parked();
+  stats.ray_spill_bytes = wire.ray_spill_bytes();
   stats.result_spill_bytes = wire.result_spill_bytes();
   stats.trace_seconds = wire.trace_seconds();
   stats.peak_rss_bytes = wire.peak_rss_bytes();

@@ -9,8 +9,6 @@
 #include "storage/pages/codec.h"
 #include "traversal/future_demand.h"
 #include "traversal/page_scheduler.h"
-#include "traversal/ray_pool.h"
-#include "traversal/result_window.h"
 #include "traversal/store_tracer.h"
 
 namespace raymill::traversal {
@@ -22,30 +20,42 @@ constexpr unsigned kLeastReadDepth = 2;
 // Stack pages that a thread touches, and what the C library keeps for it.
 constexpr std::uint64_t kThreadBytes = 96 << 10;
 
+constexpr std::uint64_t kLeastChunks = 1024;  // half a megabyte: batches in hand, and an extent that comes back
+constexpr std::uint64_t kMostChunks = std::uint64_t(1) << 20;
+// Rays in flight: ten for each chunk in memory and the others on disk, fifty times as many; never more than in all,
+// which is two gigabytes of disk.
+constexpr std::uint64_t kRaysPerChunk = 512;
+constexpr std::uint64_t kMostRays = std::uint64_t(1) << 25;
+// Bytes of a ray on disk, about.
+constexpr std::uint64_t kDiskRayBytes = 48;
+
+// Rows get a quarter of what rays get.
+constexpr std::uint64_t kLeastRowBytes = 192 << 10;
+constexpr std::uint64_t kMostRowBytes = 64 << 20;
 constexpr unsigned kLeastChunkShift = 8;  // 256 rays
 constexpr unsigned kMostChunkShift = 16;  // 64 Ki rays: results come back in pieces of about a megabyte
-constexpr std::uint64_t kLeastRays = std::uint64_t(ResultWindow::kMinBlocks) << kLeastChunkShift;
-constexpr std::uint64_t kMostRays = std::uint64_t(1) << 23;
-constexpr std::uint64_t kManyRays = std::uint64_t(1) << 20;
-// Rows in memory for each ray in flight. Those of rays that are done while others of their chunk are not take the
-// places of stragglers, whose rows are kept apart.
-constexpr std::uint64_t rows_for(std::uint64_t rays) { return rays; }
-constexpr std::uint64_t stragglers_for(std::uint64_t rays) { return rays - rays / 4; }
-static_assert(rows_for(kMostRays) * ResultWindow::kSlotsPerBlock <= 0xFFFFFFFFu, "a ray's number has 32 bits");
-// Every field and a full bitstack.
-constexpr std::size_t kLargestRow = 36;
-constexpr std::size_t kLargestRecord = 35 + sizeof(Bitstack);
+constexpr std::size_t kLeastBlockBytes = 1 << 10;
+constexpr std::size_t kMostBlockBytes = 16 << 10;
+constexpr std::uint64_t kSlotBytes = 64;
 
-std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs, unsigned depth) {
+constexpr std::size_t kLeastExtentBytes = 32 << 10;
+constexpr std::size_t kMostExtentBytes = 512 << 10;
+constexpr std::uint32_t kMostGroupPages = 4096;
+
+std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs,
+                           const BudgetPlan& plan) {
   const std::uint64_t worker =
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
   return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
-         storage::PageDecoder::process_bytes(store.codec()) + depth * kThreadBytes + threads * worker;
+         GroupTurns::bytes(store.page_count(), plan.group_pages) +
+         storage::PageDecoder::process_bytes(store.codec()) + (plan.read_depth + 1) * kThreadBytes +
+         WaitingRays::transfer_bytes(plan.extent_bytes) + threads * worker;
 }
 
-// What does not depend on the share.
-std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs, unsigned depth) {
-  return worker_bytes(store, threads, max_jobs, depth) + storage::page_reader_bytes(store, depth);
+// What does not depend on frames and jobs.
+std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs,
+                          const BudgetPlan& plan) {
+  return worker_bytes(store, threads, max_jobs, plan) + storage::page_reader_bytes(store, plan.read_depth);
 }
 
 std::uint32_t least_frames(unsigned threads, unsigned depth) { return threads + depth + 2; }
@@ -55,35 +65,63 @@ std::uint64_t frame_cost(const storage::StoreFile& store, std::uint32_t frames) 
          storage::PageCache::table_bytes(store.page_count(), frames);
 }
 
-// The window of so many rays in flight.
-WindowPlan window_for(std::uint64_t rays) {
-  const std::uint64_t rows = rows_for(rays);
-  WindowPlan plan;
-  plan.most_in_flight = static_cast<std::uint32_t>(rays);
-  plan.chunk_shift =
-      std::clamp<unsigned>(static_cast<unsigned>(std::bit_width(rows / 32)) - 1, kLeastChunkShift, kMostChunkShift);
-  plan.blocks = static_cast<std::uint32_t>(rows >> plan.chunk_shift);
-  plan.most_stragglers = static_cast<std::uint32_t>(stragglers_for(rays));
-  return plan;
+// A group's pages fit half of the frames, so they stay while its rays come and go.
+std::uint32_t group_pages(std::uint32_t frames) { return std::clamp(frames / 2, 1U, kMostGroupPages); }
+
+// Half for chunks that are fetched, an eighth for the table of chunks, the rest for blocks: one for each chunk under
+// way, so that a block that goes to disk is full. Says how many rays that is enough for.
+ResultWindow::Config plan_rows(std::uint64_t bytes, const HitLayout& row, std::uint64_t& rays) {
+  ResultWindow::Config window;
+  window.layout = row;
+  const std::uint64_t held_rays = bytes / 2 / (ResultWindow::kMostHeld * row.row_bytes());
+  window.chunk_shift =
+      std::clamp(static_cast<unsigned>(std::bit_width(held_rays)) - 1, kLeastChunkShift, kMostChunkShift);
+  const std::uint64_t most_slots = (std::uint64_t(1) << 32) >> window.chunk_shift;
+  window.slots = static_cast<std::uint32_t>(std::min(bytes / 8 / kSlotBytes, most_slots));
+  const std::uint64_t block_bytes = bytes * 3 / 8;
+  window.block_bytes = std::clamp(std::size_t(std::bit_floor((block_bytes << window.chunk_shift) / rays)),
+                                  kLeastBlockBytes, kMostBlockBytes);
+  window.blocks = static_cast<std::uint32_t>(block_bytes / window.block_bytes);
+  rays = std::min(rays, std::uint64_t(window.blocks) << window.chunk_shift);
+  return window;
 }
 
-std::uint64_t job_bytes(std::uint64_t rays, std::uint32_t page_count, std::size_t record_bytes, std::size_t row_bytes) {
-  const WindowPlan window = window_for(rays);
-  return page_count * sizeof(RayQueue) +
-         ResultWindow::bytes(window.chunk_shift, window.blocks, window.most_stragglers, row_bytes) +
-         RayPool::chunks_needed(rays, page_count, record_bytes) * kRayChunkBytes;
+JobPlan plan_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count, const HitLayout& row) {
+  JobPlan job;
+  job.most_in_flight = std::min(chunks * kRaysPerChunk, kMostRays);
+  job.window =
+      plan_rows(std::clamp(chunks * kRayChunkBytes / 4, kLeastRowBytes, kMostRowBytes), row, job.most_in_flight);
+  WaitingRays::Config& waiting = job.waiting;
+  waiting.page_count = page_count;
+  waiting.group_pages = plan.group_pages;
+  waiting.pool_chunks = static_cast<std::uint32_t>(chunks);
+  waiting.extent_bytes = plan.extent_bytes;
+  const std::uint64_t groups = page_count / plan.group_pages + 1;
+  waiting.most_extents =
+      static_cast<std::uint32_t>(4 * (job.most_in_flight * kDiskRayBytes / plan.extent_bytes + groups));
+  return job;
 }
 
-std::uint64_t least_job_bytes(const storage::StoreFile& store) {
-  return job_bytes(kLeastRays, store.page_count(), kLargestRecord, kLargestRow);
+// A plan with one job that has so many chunks.
+std::uint64_t job_bytes_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count) {
+  return job_bytes(plan_for(chunks, plan, page_count, HitLayout(Field::all)));
 }
 
 }  // namespace
 
+std::uint64_t job_bytes(const JobPlan& plan) {
+  return WaitingRays::table_bytes(plan.waiting) + std::uint64_t(plan.waiting.pool_chunks) * kRayChunkBytes +
+         ResultWindow::bytes(plan.window);
+}
+
 std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs) {
-  return fixed_bytes(store, threads, max_jobs, kLeastReadDepth) +
-         frame_cost(store, std::min(store.page_count(), least_frames(threads, kLeastReadDepth))) +
-         max_jobs * least_job_bytes(store);
+  const std::uint32_t frames = std::min(store.page_count(), least_frames(threads, kLeastReadDepth));
+  BudgetPlan least;
+  least.read_depth = kLeastReadDepth;
+  least.group_pages = group_pages(frames);
+  least.extent_bytes = kLeastExtentBytes;
+  return fixed_bytes(store, threads, max_jobs, least) + frame_cost(store, frames) +
+         max_jobs * job_bytes_for(kLeastChunks, least, store.page_count());
 }
 
 Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare& share) {
@@ -94,46 +132,46 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
                                             " left"};
   }
   BudgetPlan plan;
-  // A deep read queue is worth its buffers only where they are small beside the pages.
+  plan.group_pages = 1;  // the most tables: what follows is an upper bound
+  const auto jobs = [&](std::uint64_t chunks) {
+    return share.max_jobs * job_bytes_for(chunks, plan, store.page_count());
+  };
+  const auto least_count = [&] { return std::min(store.page_count(), least_frames(share.threads, plan.read_depth)); };
+  const auto fits = [&](unsigned frame_factor) {
+    return jobs(kLeastChunks) + fixed_bytes(store, share.threads, share.max_jobs, plan) +
+               frame_factor * frame_cost(store, least_count()) <=
+           share.bytes;
+  };
+  // Deep read queues and large extents are worth their buffers only where they are small beside the pages.
   plan.read_depth = kReadDepth;
-  const std::uint64_t least_jobs = share.max_jobs * least_job_bytes(store);
-  while (plan.read_depth > kLeastReadDepth &&
-         least_jobs + fixed_bytes(store, share.threads, share.max_jobs, plan.read_depth) +
-                 4 * frame_cost(store, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))) >
-             share.bytes) {
+  plan.extent_bytes = std::clamp(std::size_t(std::bit_floor(share.bytes / 128)), kLeastExtentBytes, kMostExtentBytes);
+  while (plan.extent_bytes > kLeastExtentBytes && !fits(4)) {
+    plan.extent_bytes /= 2;
+  }
+  while (plan.read_depth > kLeastReadDepth && !fits(4)) {
     --plan.read_depth;
   }
-  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, share.max_jobs, plan.read_depth) -
-                             storage::PageCache::table_bytes(store.page_count(), 0);
-  const std::uint64_t per_frame = frame_cost(store, 1) - storage::PageCache::table_bytes(store.page_count(), 0);
-  const std::uint64_t all_frames = store.page_count() * per_frame;
-  const std::uint64_t most_job = share.max_jobs * job_bytes(kMostRays, store.page_count(), kLargestRecord, kLargestRow);
-  // Rays come first where they are few: a read serves as many rays as wait, so under a small budget a ray more saves
-  // more reads than a page more (measured at 5 % of a 60 M store: a fifth fewer reads with two thirds for rays than
-  // with half).
-  const std::uint64_t many_rays =
-      share.max_jobs * job_bytes(kManyRays, store.page_count(), kLargestRecord, kLargestRow);
-  std::uint64_t page_bytes =
-      std::max({rest / 3, std::min(rest / 2, rest - std::min(rest, many_rays)), rest - std::min(rest, most_job)});
-  page_bytes = std::min({page_bytes, all_frames, rest - std::min(rest, least_jobs)});
-  plan.frame_count = static_cast<std::uint32_t>(std::max<std::uint64_t>(
-      page_bytes / per_frame, std::min(store.page_count(), least_frames(share.threads, plan.read_depth))));
-  plan.frame_count = std::min(plan.frame_count, store.page_count());
-  plan.worker_bytes = worker_bytes(store, share.threads, share.max_jobs, plan.read_depth);
-  plan.job_bytes = std::min((rest - plan.frame_count * per_frame) / share.max_jobs, most_job / share.max_jobs);
+  const std::uint64_t tables = storage::PageCache::table_bytes(store.page_count(), 0);
+  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, share.max_jobs, plan) - tables;
+  const std::uint64_t per_frame = frame_cost(store, 1) - tables;
+  std::uint64_t page_bytes = std::max(rest - rest / 4, rest - std::min(rest, jobs(kMostChunks)));
+  page_bytes = std::min(page_bytes, rest - std::min(rest, jobs(kLeastChunks)));
+  plan.frame_count = static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(store.page_count(), std::max<std::uint64_t>(page_bytes / per_frame, least_count())));
+  plan.group_pages = group_pages(plan.frame_count);
+  plan.worker_bytes = worker_bytes(store, share.threads, share.max_jobs, plan);
+  plan.job_bytes = (rest - plan.frame_count * per_frame) / share.max_jobs;
   return plan;
 }
 
-WindowPlan plan_window(std::uint64_t bytes, std::uint32_t page_count, std::size_t record_bytes, std::size_t row_bytes) {
-  std::uint64_t low = kLeastRays, high = kMostRays;
+JobPlan plan_job(const BudgetPlan& plan, std::uint32_t page_count, const HitLayout& row) {
+  std::uint64_t low = kLeastChunks, high = kMostChunks;
   while (low < high) {
     const std::uint64_t middle = (low + high + 1) / 2;
-    const bool fits = job_bytes(middle, page_count, record_bytes, row_bytes) <= bytes;
+    const bool fits = job_bytes(plan_for(middle, plan, page_count, row)) <= plan.job_bytes;
     (fits ? low : high) = fits ? middle : middle - 1;
   }
-  WindowPlan plan = window_for(low);
-  plan.pool_chunks = static_cast<std::uint32_t>(RayPool::chunks_needed(low, page_count, record_bytes));
-  return plan;
+  return plan_for(low, plan, page_count, row);
 }
 
 }  // namespace raymill::traversal

@@ -1,16 +1,18 @@
 // BudgetPlan: how a store's share of the memory budget becomes frames, buffers and rays in flight.
 //
-//   share = fixed (tables, read buffers, decoders, workers) + frames x page size + jobs x (rays and their rows)
+//   share = fixed (tables, read buffers, decoders, workers, a buffer for rays to and from disk)
+//         + frames x page size + jobs x (waiting rays and finished rows)
 //
-// Pages get what the decoded store needs; where that is more than there is, rays get what a million of them take, at
-// least half and at most two thirds of what is left after the fixed part. Measured in out_of_core.md. Immutable values.
+// Pages get what the decoded store needs, or else three quarters of what is left after the fixed part: rays that find
+// no room in memory wait on disk, pages that find none are read again. Measured in out_of_core.md. Immutable values.
 #pragma once
 
 #include <cstdint>
 
 #include "storage/base/status.h"
 #include "storage/io/store_file.h"
-#include "traversal/ray_state.h"
+#include "traversal/result_window.h"
+#include "traversal/waiting_rays.h"
 
 namespace raymill::traversal {
 
@@ -23,18 +25,17 @@ struct StoreShare {
 struct BudgetPlan {
   unsigned read_depth = 0;
   std::uint32_t frame_count = 0;
-  std::uint64_t worker_bytes = 0;  ///< decoders, batches, stacks and the scheduler
+  std::uint32_t group_pages = 0;   ///< pages whose rays go to disk and come back together
+  std::size_t extent_bytes = 0;    ///< of rays that go at once
+  std::uint64_t worker_bytes = 0;  ///< decoders, batches, stacks, the scheduler and the buffer for extents
   std::uint64_t job_bytes = 0;     ///< for each job: queues, rays, rows
 };
 
-/// Rays of one job. Rows reach further than rays in flight: new rays take the places of those that are done before
-/// their chunk is.
-struct WindowPlan {
-  std::uint32_t most_in_flight = 0;
-  std::uint32_t pool_chunks = 0;
-  unsigned chunk_shift = 0;  ///< rows in memory: blocks << chunk_shift
-  std::uint32_t blocks = 0;
-  std::uint32_t most_stragglers = 0;
+/// Memory of one job.
+struct JobPlan {
+  std::uint64_t most_in_flight = 0;
+  WaitingRays::Config waiting;  ///< the layout and the directory are the job's to set
+  ResultWindow::Config window;  ///< the layout and the directory are the job's to set
 };
 
 /// The least share under which the store can be traced.
@@ -42,8 +43,9 @@ std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned thread
 
 /// Errors: budget_exceeded, naming the least share.
 Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare& share);
-/// The largest window that `job_bytes` hold.
-WindowPlan plan_window(std::uint64_t job_bytes, std::uint32_t page_count, std::size_t record_bytes,
-                       std::size_t row_bytes);
+/// The most rays and rows that the plan's job_bytes hold.
+JobPlan plan_job(const BudgetPlan& plan, std::uint32_t page_count, const HitLayout& row);
+/// What such a job claims.
+std::uint64_t job_bytes(const JobPlan& plan);
 
 }  // namespace raymill::traversal

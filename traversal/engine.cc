@@ -11,7 +11,6 @@
 #include "storage/io/store_file.h"
 #include "traversal/budget_plan.h"
 #include "traversal/kernel.h"
-#include "traversal/ray_pool.h"
 #include "traversal/store_tracer.h"
 
 namespace raymill {
@@ -203,8 +202,8 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const storage::EvictionKind eviction, storage::parse_eviction(config.eviction));
   RAYMILL_ASSIGN_OR_RETURN(const storage::ReaderKind io, storage::parse_reader_kind(config.io));
   const unsigned threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
-  if (threads > traversal::kMostBatches || config.max_jobs == 0 || config.max_stores == 0) {
-    return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostBatches) +
+  if (threads > traversal::kMostThreads || config.max_jobs == 0 || config.max_stores == 0) {
+    return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostThreads) +
                                              " threads, and at least one job and one store"};
   }
   auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, eviction, io, threads});

@@ -11,8 +11,7 @@ namespace {
 
 // Rays that are made into records between two locks.
 constexpr std::size_t kPieceRays = 1024;
-// Of a timeline; workers have the lanes below it.
-constexpr unsigned kPushLane = 1000;
+static_assert(kPieceRays / RayPool::records_per_chunk(60) + 1 <= RaySpiller::kPushChunks, "no hit yet: 56 B at most");
 
 }  // namespace
 
@@ -72,135 +71,118 @@ Status EngineJob::push(std::span<const Ray> rays) {
   return {};
 }
 
-// Waits for the job's next change; the scheduler knows meanwhile that no rays are to come.
-void EngineJob::wait_blocked(std::unique_lock<std::mutex>& lock, bool for_rows) {
-  job_->push_blocked = true;
-  job_->rows_exhausted = for_rows;
-  tracer_->pump_reads();
-  job_->changed.wait(lock);
-  job_->push_blocked = job_->rows_exhausted = false;
-}
+// What becomes of some rays of a push.
+struct EngineJob::Piece {
+  std::uint32_t first_number = 0;
+  std::uint32_t rays = 0;
+  std::uint32_t valid = 0;             // with a record each, one after the other
+  std::vector<std::uint32_t> invalid;  // numbers
+};
 
-// Brings all rays back to their queues, then takes the rows of nearly finished chunks out of memory.
-Status EngineJob::spill_open_chunks(std::unique_lock<std::mutex>& lock) {
-  ++tracer_->holds_;
-  job_->changed.wait(lock, [this] { return job_->batches_out == 0; });
-  const auto begin = Timeline::Clock::now();
-  Status status = job_->status.ok() ? job_->window->spill_open() : job_->status;
-  if (const auto& timeline = tracer_->config_.timeline) {
-    timeline->span(kPushLane, "spill results", begin, "spilled_bytes", job_->window->spilled_bytes());
-  }
-  --tracer_->holds_;
-  tracer_->work_wake_.notify_all();
-  return status;
-}
-
-// Waits until a ray more may be in flight and has a row. Where rows are short, finished chunks that nobody fetches and
-// chunks that a few late rays hold up go to disk.
+// Waits until a ray more may be in flight, has a number and finds room where it waits.
 Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   ResultWindow& window = *job_->window;
   while (job_->status.ok()) {
-    if (job_->in_flight() >= job_->most_in_flight) {
-      wait_blocked(lock, false);
-      continue;
+    if (window.room() == 0) {
+      if (window.filling()) {
+        window.close_slot();
+        job_->changed.notify_all();
+      }
+      (void)window.begin_slot();
     }
-    if (window.room() > 0) {
+    job_->push_blocked =
+        window.room() == 0 || job_->in_flight() >= job_->most_in_flight || !job_->waiting->has_extents_left();
+    job_->push_needs_room = !job_->push_blocked && !tracer_->has_room(*job_);
+    if (!job_->push_blocked && !job_->push_needs_room) {
       return {};
     }
-    if (window.filling()) {
-      window.close_slot();
-      job_->changed.notify_all();
-    }
-    if (window.begin_slot()) {
-      continue;
-    }
-    if (!window.short_of_blocks()) {
-      wait_blocked(lock, true);  // the oldest chunk is too far behind
-      continue;
-    }
-    Result<bool> spilled = window.spill_done();
-    if (spilled && !*spilled && window.can_spill_open()) {
-      const Status status = spill_open_chunks(lock);
-      spilled = status.ok() ? Result<bool>(true) : Result<bool>(status);
-    }
-    if (!spilled) {
-      job_->status = job_->status.ok() ? spilled.status() : job_->status;
-      end(lock, job_->status);
-    } else if (!*spilled) {
-      wait_blocked(lock, true);
-    }
+    tracer_->pump_reads();
+    job_->changed.wait(lock);
+    job_->push_blocked = job_->push_needs_room = false;
   }
   return job_->status;
 }
 
-Status EngineJob::push_some(std::span<const Ray> rays) {
+// Makes records of the rays; without the lock.
+void EngineJob::pack(std::span<const Ray> rays, Piece& piece) {
   const storage::StoreFooter& footer = tracer_->file().footer();
-  const storage::PageId root{footer.root_page};
+  const RecordLayout& layout = job_->waiting->pool().layout();
+  records_.resize(rays.size() * layout.most_bytes());
+  std::size_t at = 0;
+  for (const Ray& ray : rays) {
+    const std::uint32_t number = piece.first_number + piece.rays++;
+    if (!TraceJob::valid(ray)) {
+      piece.invalid.push_back(number);
+      continue;
+    }
+    RayState state;
+    state.org = ray.org;
+    state.dir = ray.dir;
+    state.tnear = ray.tnear;
+    // A hit has a finite t; beyond float32 lies a miss.
+    state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
+    state.number = number;
+    state.node = static_cast<std::uint16_t>(footer.root_node);
+    at += layout.pack(state, records_.data() + at);
+    ++piece.valid;
+  }
+}
+
+// Puts the records into the root page's queue and answers the invalid rays.
+Status EngineJob::enqueue(const Piece& piece) {
+  const auto now = TraceJob::Clock::now();
+  if (job_->rays_pushed == 0) {
+    job_->first_push = now;
+  }
+  job_->last_push = now;
+  job_->window->add(piece.rays);
+  job_->rays_pushed += piece.rays;
+  Hit unanswered;
+  unanswered.t = std::numeric_limits<float>::quiet_NaN();
+  for (const std::uint32_t number : piece.invalid) {
+    RAYMILL_RETURN_IF_ERROR(job_->window->complete(number, unanswered).status());
+  }
+  job_->rays_done += piece.invalid.size();
+  job_->stats.invalid += piece.invalid.size();
+  const storage::PageId root{tracer_->file().footer().root_page};
+  const RecordLayout& layout = job_->waiting->pool().layout();
+  for (std::size_t i = 0, at = 0; i < piece.valid; ++i) {
+    const std::size_t bytes = layout.bytes(records_.data() + at);
+    std::memcpy(job_->waiting->append(root, bytes), records_.data() + at, bytes);
+    at += bytes;
+  }
+  if (piece.valid > 0) {
+    tracer_->scheduler_.add(root, piece.valid, tracer_->state_of(root));
+    tracer_->pump_reads();
+  }
+  return {};
+}
+
+Status EngineJob::push_some(std::span<const Ray> rays) {
   while (!rays.empty()) {
     std::unique_lock lock(tracer_->mutex_);
     if (job_->finished) {
       return {ErrorCode::invalid_argument, "rays were pushed after finish()"};
     }
     RAYMILL_RETURN_IF_ERROR(make_room(lock));
-    ResultWindow& window = *job_->window;
-    const auto count = static_cast<std::uint32_t>(
-        std::min<std::uint64_t>({rays.size(), window.room(), job_->most_in_flight - job_->in_flight()}));
-    const std::uint32_t first_number = window.next_number();
-    const bool need_tnears =
-        std::any_of(rays.begin(), rays.begin() + count, [](const Ray& ray) { return ray.tnear != 0; });
-    float* tnears = need_tnears ? window.tnears_of_filling() : nullptr;
+    Piece piece;
+    piece.first_number = job_->window->next_number();
+    const auto count =
+        std::min<std::uint64_t>({rays.size(), job_->window->room(), job_->most_in_flight - job_->in_flight()});
+    job_->waiting->promise(RaySpiller::kPushChunks);
     lock.unlock();
 
-    const RowTable& rows = window.rows();
-    const std::size_t record_bytes = job_->layout.bytes();
-    records_.resize(count * record_bytes);
-    std::uint32_t valid_count = 0;
-    std::vector<std::uint32_t> invalid;
-    for (std::uint32_t i = 0; i < count; ++i) {
-      const Ray& ray = rays[i];
-      const std::uint32_t number = first_number + i;
-      Hit miss;
-      if (!TraceJob::valid(ray)) {
-        miss.t = std::numeric_limits<float>::quiet_NaN();
-        invalid.push_back(number);
-      } else {
-        RayState state;
-        state.org = ray.org;
-        state.dir = ray.dir;
-        // A hit has a finite t; beyond float32 lies a miss.
-        state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
-        state.number = number;
-        state.node = static_cast<std::uint16_t>(footer.root_node);
-        job_->layout.pack(state, records_.data() + valid_count++ * record_bytes);
-        if (tnears != nullptr) {
-          tnears[number & (window.chunk_rays() - 1)] = ray.tnear;
-        }
-      }
-      rows.layout.write(miss, rows.row(number));
-    }
+    pack(rays.first(count), piece);
 
     lock.lock();
+    job_->waiting->settle(RaySpiller::kPushChunks);
     if (!job_->status.ok()) {
       return job_->status;
     }
-    if (job_->rays_pushed == 0) {
-      job_->first_push = std::chrono::steady_clock::now();
-    }
-    window.add(count);
-    job_->last_push = std::chrono::steady_clock::now();
-    job_->rays_pushed += count;
-    for (const std::uint32_t number : invalid) {
-      (void)window.complete(number);
-    }
-    job_->rays_done += invalid.size();
-    job_->stats.invalid += invalid.size();
-    RayQueue& queue = job_->queues[index_of(root)];
-    for (std::uint32_t i = 0; i < valid_count; ++i) {
-      std::memcpy(job_->pool->append(queue), records_.data() + i * record_bytes, record_bytes);
-    }
-    if (valid_count > 0) {
-      tracer_->scheduler_.add(root, valid_count, tracer_->state_of(root));
-      tracer_->pump_reads();
+    if (Status status = enqueue(piece); !status.ok()) {
+      job_->status = status;
+      end(lock, status);
+      return status;
     }
     lock.unlock();
     tracer_->work_wake_.notify_one();
@@ -227,15 +209,20 @@ std::optional<HitChunk> EngineJob::next() {
   if (!job_->status.ok() || !window.deliverable()) {
     return std::nullopt;
   }
-  auto delivery = window.deliver();
-  if (!delivery) {
-    job_->status = delivery.status();
-    end(lock, job_->status);
+  ResultWindow::Delivery delivery = window.begin_delivery();
+  lock.unlock();
+  const Status status = window.collect(delivery);
+  lock.lock();
+  window.end_delivery(delivery);
+  if (!status.ok()) {
+    window.free_slot(delivery.slot);
+    job_->status = job_->status.ok() ? status : job_->status;
+    end(lock, status);
     return std::nullopt;
   }
   lock.unlock();
-  return HitChunk(delivery->index, delivery->first_ray, HitLayout(job_->config.fields), delivery->rows,
-                  std::make_unique<ChunkOwner>(tracer_, job_, delivery->slot));
+  return HitChunk(delivery.index, delivery.first_ray, HitLayout(job_->config.fields), delivery.rows,
+                  std::make_unique<ChunkOwner>(tracer_, job_, delivery.slot));
 }
 
 Status EngineJob::status() const {
@@ -264,6 +251,7 @@ JobStats EngineJob::stats() const {
   stats.eviction = to_string(tracer_->config_.eviction);
   stats.peak_bytes_by_tag = tracer_->ledger_.peaks();
   stats.result_spill_bytes = job_->window->spilled_bytes();
+  stats.ray_spill_bytes = job_->waiting->spilled_bytes();
   stats.trace_seconds = std::max(0.0, std::chrono::duration<double>(job_->last_done - job_->first_push).count());
   stats.peak_rss_bytes = storage::peak_resident_bytes();
   stats.isa = to_string(tracer_->config_.isa);

@@ -29,9 +29,10 @@ class EngineJob final : public Job {
 
  private:
   class ChunkOwner;
-  void wait_blocked(std::unique_lock<std::mutex>& lock, bool for_rows);
-  Status spill_open_chunks(std::unique_lock<std::mutex>& lock);
+  struct Piece;
   Status make_room(std::unique_lock<std::mutex>& lock);
+  void pack(std::span<const Ray> rays, Piece& piece);
+  Status enqueue(const Piece& piece);
   Status push_some(std::span<const Ray> rays);
   void end(std::unique_lock<std::mutex>& lock, const Status& status);
 

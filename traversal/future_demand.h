@@ -51,6 +51,7 @@ void for_each_pending_page(const std::byte* image, std::uint32_t page, std::uint
 
 class FutureDemand {
  public:
+  using Count = std::atomic<std::int32_t>;
   static constexpr std::uint32_t kSampling = 16;
   static bool sampled(const RayState& ray) { return ray.number % kSampling == 0; }
 
@@ -60,16 +61,16 @@ class FutureDemand {
   FutureDemand(std::uint32_t page_count, unsigned width);
   /// Of the counts of all jobs and of so many shares.
   static std::uint64_t bytes(std::uint32_t page_count, unsigned shares) {
-    return std::uint64_t(page_count) * sizeof(std::atomic<std::int32_t>) * (1 + shares);
+    return std::uint64_t(page_count) * sizeof(Count) * (1 + shares);
   }
 
   /// [page_count]: sampled rays that come to each page.
-  [[nodiscard]] std::span<const std::atomic<std::int32_t>> counts() const { return {counts_.get(), page_count_}; }
+  [[nodiscard]] std::span<const Count> counts() const { return {counts_.get(), page_count_}; }
 
  private:
   const std::uint32_t page_count_;
   const unsigned width_;
-  std::unique_ptr<std::atomic<std::int32_t>[]> counts_;
+  std::unique_ptr<Count[]> counts_;
 };
 
 class FutureDemand::Share {
@@ -89,7 +90,7 @@ class FutureDemand::Share {
   void add(std::uint32_t page, std::int32_t step);
 
   const std::shared_ptr<FutureDemand> all_;
-  std::unique_ptr<std::atomic<std::int32_t>[]> counts_;
+  std::unique_ptr<Count[]> counts_;
 };
 
 }  // namespace raymill::traversal

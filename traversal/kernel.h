@@ -22,7 +22,6 @@ struct KernelCounters {
 struct KernelContext {
   const std::atomic<const std::byte*>* images = nullptr;  ///< [page_count]; null: not resident
   std::atomic<std::uint8_t>* touched = nullptr;           ///< [page_count]; set when a ray enters a page
-  const RowTable* rows = nullptr;
   bool need_normal = false;
   KernelCounters counters;
   bool corrupt = false;  ///< set when a reference leads to a node that cannot be its target

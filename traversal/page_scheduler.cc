@@ -1,5 +1,6 @@
 #include "traversal/page_scheduler.h"
 
+#include <bit>
 #include <utility>
 
 namespace raymill::traversal {
@@ -19,6 +20,8 @@ std::uint64_t PageScheduler::bytes(std::uint32_t page_count) {
 
 void PageScheduler::tell(std::uint32_t page, std::uint32_t rays) {
   wanted_rays_ = wanted_rays_ - counted_[page] + rays;
+  --pages_by_rays_[std::bit_width(counted_[page])];  // those without rays are counted too, modulo 2^32
+  ++pages_by_rays_[std::bit_width(rays)];
   counted_[page] = rays;
   policy_->update(page, rays);
 }
@@ -99,6 +102,15 @@ std::optional<storage::PageId> PageScheduler::take_ready() {
 }
 
 void PageScheduler::give_back(storage::PageId page) { make_ready(index_of(page)); }
+
+std::uint32_t PageScheduler::most_wanted_rays() const {
+  for (unsigned width = 32; width > 0; --width) {
+    if (pages_by_rays_[width] > 0) {
+      return std::uint32_t(1) << (width - 1);
+    }
+  }
+  return 0;
+}
 
 std::optional<storage::PageId> PageScheduler::longest_wanted() const {
   const std::uint32_t page = by_age_.head(0);

@@ -9,6 +9,7 @@
 // lock).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -57,6 +58,8 @@ class PageScheduler {
   /// Absent pages that rays wait for and nobody reads, and those rays.
   [[nodiscard]] std::uint32_t wanted_count() const { return wanted_count_; }
   [[nodiscard]] std::uint64_t wanted_rays() const { return wanted_rays_; }
+  /// More than half of the rays that wait for the fullest of these pages, never more than all of them.
+  [[nodiscard]] std::uint32_t most_wanted_rays() const;
 
  private:
   void want(std::uint32_t page);
@@ -71,7 +74,8 @@ class PageScheduler {
   std::deque<std::uint32_t> ready_;
   std::uint32_t wanted_count_ = 0;
   std::uint64_t wanted_rays_ = 0;
-  std::vector<std::uint32_t> counted_;  // rays of each page in wanted_rays_
+  std::vector<std::uint32_t> counted_;             // rays of each page in wanted_rays_
+  std::array<std::uint32_t, 33> pages_by_rays_{};  // wanted pages, by the bit width of their rays
   unsigned picks_ = 0;
 };
 

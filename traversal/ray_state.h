@@ -1,18 +1,20 @@
 // RayState: a ray while a kernel works on it. RecordLayout: the same ray while it waits.
 //
-// In flight a ray is a record of a few dozen bytes: org, dir, tfar (the nearest hit so far), its number, the node where
-// it waits and the bitstack, cut to the bytes that the store's depth needs. The page is known from the queue. The hit
-// itself stands in the job's result row from the moment it is found, so the record does not carry it; tnear stands
-// beside the rows, and only where a chunk has a ray whose tnear is not zero.
+// In flight a ray is a record of a few dozen bytes, and what it does not need takes none: the bitstack ends with its
+// highest byte that is not zero, tnear stands only where it is not zero, the hit only where there is one, and of the
+// hit only what the job asked for. The page is known from the queue. Nothing of a ray stands elsewhere, so a record can
+// be moved, written to disk and taken up again by anybody.
+//
+//   flags level node number tfar org dir | tnear? | hit? | bitstack      36 B + 0 or 4 + 0 to 28 + 0 to 16
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
-#include <vector>
 
 #include "storage/base/types.h"
 #include "traversal/query.h"
@@ -26,6 +28,7 @@ struct Bitstack {
   std::array<std::uint64_t, 2> words{};
 };
 static_assert(sizeof(Bitstack) * 8 == storage::kBitstackBits);
+static_assert(std::endian::native == std::endian::little, "a record holds the stack's low bytes");
 
 /// What is to be done at the node where a ray stands.
 enum class Resume : std::uint8_t {
@@ -52,99 +55,97 @@ struct RayState {
   Resume resume = Resume::enter;
   std::uint8_t level = 0;  ///< that the node must have
   bool has_hit = false;
-  // Since the ray was taken up:
-  bool improved = false;  ///< the fields below are a hit that is not yet in the row
   bool done = false;
   LeftNode left;
-  Hit hit;
+  Hit hit;  ///< the nearest so far
 };
 
 /// Bytes of a waiting ray. Immutable.
 class RecordLayout {
  public:
   RecordLayout() = default;
-  explicit RecordLayout(unsigned stack_bytes) : stack_bytes_(stack_bytes) {}
-  static unsigned stack_bytes(unsigned width, unsigned levels) { return (width * levels + 7) / 8; }
+  /// `kept`: what stands in a record of the best hit so far, t apart, which is tfar.
+  explicit RecordLayout(Field kept) : hit_(Field(std::uint32_t(kept) & ~std::uint32_t(Field::t))) {}
 
-  [[nodiscard]] std::size_t bytes() const { return kFixedBytes + stack_bytes_; }
-
-  void pack(const RayState& ray, std::byte* record) const {
-    const Fixed fixed{ray.org, ray.dir, ray.tfar, ray.number, ray.node};
-    std::memcpy(record, &fixed, kFixedBytes - 1);
-    record[kFixedBytes - 1] = static_cast<std::byte>(static_cast<unsigned>(ray.resume) | unsigned(ray.has_hit) << 1 |
-                                                     unsigned(ray.level) << 2);
-    std::memcpy(record + kFixedBytes, ray.stack.words.data(), stack_bytes_);
+  /// Of the smallest record.
+  static constexpr std::size_t kLeastBytes = 36;
+  /// Of the largest record.
+  [[nodiscard]] std::size_t most_bytes() const {
+    return sizeof(Fixed) + sizeof(float) + hit_.row_bytes() + sizeof(Bitstack);
   }
-  /// tnear and page are the caller's to set.
+  [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray)); }
+  [[nodiscard]] std::size_t bytes(const std::byte* record) const { return bytes_for(static_cast<unsigned>(*record)); }
+
+  /// Returns the record's size.
+  std::size_t pack(const RayState& ray, std::byte* record) const {
+    const unsigned flags = flags_of(ray);
+    const Fixed fixed{static_cast<std::uint8_t>(flags), ray.level, ray.node, ray.number, ray.tfar, ray.org, ray.dir};
+    std::memcpy(record, &fixed, sizeof fixed);
+    std::byte* at = record + sizeof fixed;
+    if ((flags & kHasTnear) != 0) {
+      std::memcpy(at, &ray.tnear, sizeof ray.tnear);
+      at += sizeof ray.tnear;
+    }
+    if (ray.has_hit) {
+      hit_.write(ray.hit, at);
+      at += hit_.row_bytes();
+    }
+    const std::size_t stack_bytes = flags >> kStackShift;
+    std::memcpy(at, ray.stack.words.data(), stack_bytes);
+    return static_cast<std::size_t>(at - record) + stack_bytes;
+  }
+  /// The page is the caller's to set.
   void unpack(const std::byte* record, RayState& ray) const {
     Fixed fixed;
-    std::memcpy(&fixed, record, kFixedBytes - 1);
+    std::memcpy(&fixed, record, sizeof fixed);
+    const std::byte* at = record + sizeof fixed;
     ray = {};
     ray.org = fixed.org;
     ray.dir = fixed.dir;
     ray.tfar = fixed.tfar;
     ray.number = fixed.number;
     ray.node = fixed.node;
-    const auto flags = static_cast<unsigned>(record[kFixedBytes - 1]);
-    ray.resume = static_cast<Resume>(flags & 1);
-    ray.has_hit = (flags & 2) != 0;
-    ray.level = static_cast<std::uint8_t>(flags >> 2);
-    std::memcpy(ray.stack.words.data(), record + kFixedBytes, stack_bytes_);
+    ray.level = fixed.level;
+    ray.resume = static_cast<Resume>(fixed.flags & kResume);
+    ray.has_hit = (fixed.flags & kHasHit) != 0;
+    if ((fixed.flags & kHasTnear) != 0) {
+      std::memcpy(&ray.tnear, at, sizeof ray.tnear);
+      at += sizeof ray.tnear;
+    }
+    if (ray.has_hit) {
+      ray.hit = hit_.read(at);
+      ray.hit.t = fixed.tfar;
+      at += hit_.row_bytes();
+    }
+    std::memcpy(ray.stack.words.data(), at, fixed.flags >> kStackShift);
   }
 
  private:
+  static constexpr unsigned kResume = 1, kHasHit = 2, kHasTnear = 4, kStackShift = 3;
   struct Fixed {
+    std::uint8_t flags;
+    std::uint8_t level;
+    std::uint16_t node;
+    std::uint32_t number;
+    float tfar;
     std::array<float, 3> org;
     std::array<float, 3> dir;
-    float tfar;
-    std::uint32_t number;
-    std::uint16_t node;
   };
-  static constexpr std::size_t kFixedBytes = 12 + 12 + 4 + 4 + 2 + 1;
-  static_assert(offsetof(Fixed, node) + sizeof(std::uint16_t) == kFixedBytes - 1);
-  static_assert(storage::max_levels(4) <= 1U << 6, "the level shares a byte with two flags");
-  unsigned stack_bytes_ = sizeof(Bitstack);
-};
+  static_assert(sizeof(Fixed) == kLeastBytes && std::is_trivially_copyable_v<Fixed>);
+  static_assert(sizeof(Bitstack) < 1U << (8 - kStackShift), "the stack's size shares a byte with three flags");
 
-/// Rows of the rays of a chunk that are still under way after the chunk's rows went to disk.
-struct StragglerRows {
-  std::vector<std::uint32_t> positions;  ///< in the chunk, rising
-  std::vector<float> tnears;             ///< of each; none: all zero
-  std::vector<std::byte> rows;
-  std::size_t row_bytes = 0;
-
-  [[nodiscard]] std::size_t index_of(std::uint32_t position) const {
-    return static_cast<std::size_t>(std::lower_bound(positions.begin(), positions.end(), position) - positions.begin());
+  static unsigned flags_of(const RayState& ray) {
+    const auto& words = ray.stack.words;
+    const int bits = words[1] != 0 ? 64 + std::bit_width(words[1]) : std::bit_width(words[0]);
+    return static_cast<unsigned>(ray.resume) | (ray.has_hit ? kHasHit : 0) | (ray.tnear != 0 ? kHasTnear : 0) |
+           static_cast<unsigned>(bits + 7) / 8 << kStackShift;
   }
-};
-
-/// Where a ray's row is. The number of a ray: the chunk's slot above, the position in the chunk below.
-struct RowTable {
-  unsigned chunk_shift = 0;                    ///< rays of a chunk: 2^chunk_shift
-  std::size_t row_bytes = 0;                   ///< of the layout below
-  HitLayout layout;                            ///< includes the ids wherever a tie could show
-  std::byte* const* bases = nullptr;           ///< for each slot: its rows, or null where they are on disk
-  StragglerRows* const* stragglers = nullptr;  ///< for each slot whose rows are on disk
-  const float* const* tnears = nullptr;        ///< for each slot: null where all are zero
-
-  [[nodiscard]] std::byte* row(std::uint32_t number) const {
-    const std::uint32_t slot = number >> chunk_shift, position = number & ((1U << chunk_shift) - 1);
-    if (bases[slot] != nullptr) {
-      return bases[slot] + std::size_t(position) * row_bytes;
-    }
-    StragglerRows& rows = *stragglers[slot];
-    return rows.rows.data() + rows.index_of(position) * row_bytes;
+  [[nodiscard]] std::size_t bytes_for(unsigned flags) const {
+    return sizeof(Fixed) + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
+           ((flags & kHasHit) != 0 ? hit_.row_bytes() : 0) + (flags >> kStackShift);
   }
-  [[nodiscard]] float tnear(std::uint32_t number) const {
-    const std::uint32_t slot = number >> chunk_shift, position = number & ((1U << chunk_shift) - 1);
-    if (tnears[slot] != nullptr) {
-      return tnears[slot][position];
-    }
-    if (bases[slot] == nullptr && stragglers[slot] != nullptr && !stragglers[slot]->tnears.empty()) {
-      return stragglers[slot]->tnears[stragglers[slot]->index_of(position)];
-    }
-    return 0;
-  }
+
+  HitLayout hit_;
 };
 
 }  // namespace raymill::traversal

@@ -1,39 +1,26 @@
 #include "traversal/result_window.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cassert>
-#include <cerrno>
 #include <cstring>
 #include <utility>
 
-#include "storage/base/file_io.h"
+#include "storage/base/checksum.h"
 
 namespace raymill::traversal {
-namespace {
 
-// A chunk gives its block up when at most one in so many of its rays is left.
-constexpr std::uint32_t kOpenShare = 2;
-constexpr std::size_t kMergeBytes = 64 << 10;
-
-}  // namespace
-
-std::uint64_t ResultWindow::bytes(unsigned chunk_shift, std::uint32_t blocks, std::uint32_t most_stragglers,
-                                  std::size_t kept_row_bytes) {
-  const std::uint64_t chunk_rays = std::uint64_t(1) << chunk_shift;
-  const std::uint64_t slots = std::uint64_t(blocks) * kSlotsPerBlock;
-  return blocks * chunk_rays * (kept_row_bytes + sizeof(float)) +
-         most_stragglers * (kept_row_bytes + sizeof(float) + sizeof(std::uint32_t)) + blocks * chunk_rays / 8 +
-         slots * (sizeof(Slot) + sizeof(StragglerRows) + 5 * sizeof(void*));
+std::uint64_t ResultWindow::bytes(const Config& config) {
+  const std::uint64_t chunk_bytes = (std::uint64_t(1) << config.chunk_shift) * config.layout.row_bytes();
+  // A slot has a place in three lists; collect() reads a block at a time and lists the places of a chunk.
+  return config.blocks * (config.block_bytes + sizeof(std::uint32_t)) +
+         kMostHeld * (chunk_bytes + 2 * config.block_bytes) +
+         config.slots * (sizeof(Slot) + 3 * sizeof(std::uint32_t)) + SpillFile::kTableBytes;
 }
 
 Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config, storage::Ledger& ledger) {
-  RAYMILL_ASSIGN_OR_RETURN(storage::BudgetReservation reservation,
-                           ledger.claim(storage::Tag::results, bytes(config.chunk_shift, config.blocks,
-                                                                     config.most_stragglers, config.kept.row_bytes())));
+  RAYMILL_ASSIGN_OR_RETURN(storage::BudgetReservation reservation, ledger.claim(storage::Tag::results, bytes(config)));
   std::unique_ptr<ResultWindow> window(new ResultWindow(config));
-  if (window->memory_.data() == nullptr) {
+  if (window->blocks_.data() == nullptr || window->buffers_.data() == nullptr) {
     return {ErrorCode::budget_exceeded, "the system has no address space for the results in flight"};
   }
   window->reservation_ = std::move(reservation);
@@ -42,47 +29,35 @@ Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config,
 
 ResultWindow::ResultWindow(const Config& config)
     : config_(config),
-      memory_((std::uint64_t(config.blocks) << config.chunk_shift) * config.kept.row_bytes()),
-      slots_(std::size_t(config.blocks) * kSlotsPerBlock),
-      bases_(slots_.size(), nullptr),
-      stragglers_(slots_.size(), nullptr),
-      tnears_(slots_.size(), nullptr) {
-  assert(config.blocks >= kMinBlocks);
-  assert(std::uint64_t(slots_.size()) << config.chunk_shift <= 0xFFFFFFFFu);
-  table_ = {config.chunk_shift, config.kept.row_bytes(), config.kept,
-            bases_.data(),      stragglers_.data(),      tnears_.data()};
-  for (std::uint32_t slot = static_cast<std::uint32_t>(slots_.size()); slot-- > 0;) {
-    free_slots_.push_back(slot);
-  }
-  for (std::uint32_t block = config.blocks; block-- > 0;) {
-    free_blocks_.push_back(block);
-  }
-}
-
-ResultWindow::~ResultWindow() {
-  if (file_ >= 0) {
-    ::close(file_);
-  }
+      blocks_(config.blocks * config.block_bytes),
+      buffers_(kMostHeld * (config.layout.row_bytes() << config.chunk_shift)),
+      slots_(config.slots),
+      file_({config.spill_directory, "results", config.block_bytes, false}) {
+  assert(config.blocks >= kMinBlocks && block_rows() > 0);
+  assert(config.chunk_shift <= 8 * sizeof(Position) && std::uint64_t(config.slots) << config.chunk_shift <= 1ULL << 32);
+  const auto fill = [](std::vector<std::uint32_t>& list, std::uint32_t count) {
+    list.reserve(count);
+    for (std::uint32_t i = count; i-- > 0;) {
+      list.push_back(i);
+    }
+  };
+  fill(free_slots_, config.slots);
+  fill(free_blocks_, config.blocks);
+  fill(free_buffers_, kMostHeld);
 }
 
 std::uint32_t ResultWindow::room() const { return filling_ == kNone ? 0 : chunk_rays() - slots_[filling_].rays; }
 
 bool ResultWindow::begin_slot() {
   assert(filling_ == kNone);
-  if (free_blocks_.size() < 2 || free_slots_.empty()) {
+  if (free_slots_.empty()) {
     return false;
   }
   filling_ = free_slots_.back();
   free_slots_.pop_back();
-  Slot& slot = slots_[filling_];
-  slot.state = State::filling;
-  slot.rays = 0;
-  slot.remaining = 0;
-  slot.first_ray = next_ray_;
-  slot.block = free_blocks_.back();
-  free_blocks_.pop_back();
-  slot.done.assign(chunk_rays(), false);
-  bases_[filling_] = block_rows(slot.block);
+  slots_[filling_] = {};
+  slots_[filling_].state = State::filling;
+  slots_[filling_].first_ray = next_ray_;
   order_.push_back(filling_);
   return true;
 }
@@ -106,225 +81,161 @@ void ResultWindow::close_slot() {
   filling_ = kNone;
 }
 
-float* ResultWindow::tnears_of_filling() {
-  Slot& slot = slots_[filling_];
-  if (!slot.tnears) {
-    slot.tnears = std::make_unique<float[]>(chunk_rays());
-    tnears_[filling_] = slot.tnears.get();
-  }
-  return slot.tnears.get();
-}
-
-bool ResultWindow::complete(std::uint32_t number) {
+Result<bool> ResultWindow::complete(std::uint32_t number, const Hit& hit) {
   Slot& slot = slots_[number >> config_.chunk_shift];
-  if (!slot.stragglers) {
-    slot.done[number & (chunk_rays() - 1)] = true;
+  if (slot.open == kNone || header(slot.open).rows == block_rows()) {
+    RAYMILL_RETURN_IF_ERROR(open_block(slot));
   }
+  const auto position = static_cast<Position>(number & (chunk_rays() - 1));
+  std::byte* entry = block(slot.open) + sizeof(BlockHeader) + header(slot.open).rows++ * entry_bytes();
+  std::memcpy(entry, &position, sizeof position);
+  config_.layout.write(hit, entry + sizeof position);
   if (--slot.remaining > 0 || slot.state != State::tracing) {
     return false;
   }
   slot.state = State::done;
-  straggler_count_ -= slot.stragglers ? static_cast<std::uint32_t>(slot.stragglers->positions.size()) : 0;
   return true;
 }
 
-bool ResultWindow::deliverable() const {
-  if (order_.empty()) {
-    return false;
+// The full block, if any, joins the others; an empty one takes its place.
+Status ResultWindow::open_block(Slot& slot) {
+  if (slot.open != kNone) {
+    header(slot.open).next = slot.full;
+    slot.full = std::exchange(slot.open, kNone);
   }
-  const Slot& slot = slots_[order_.front()];
-  return slot.state == State::done && (slot.block != kNone || !free_blocks_.empty());
+  if (free_blocks_.empty()) {
+    RAYMILL_RETURN_IF_ERROR(spill_block());
+  }
+  slot.open = free_blocks_.back();
+  free_blocks_.pop_back();
+  header(slot.open) = {};
+  return {};
 }
 
-Result<ResultWindow::Delivery> ResultWindow::deliver() {
+// The slot whose block goes: the latest with a full one, for it is needed last; else the one whose block is fullest.
+std::uint32_t ResultWindow::choose_victim() const {
+  std::uint32_t fullest = kNone;
+  for (std::size_t i = order_.size(); i-- > 0;) {
+    const Slot& slot = slots_[order_[i]];
+    if (slot.full != kNone) {
+      return order_[i];
+    }
+    if (slot.open != kNone && (fullest == kNone || header(slot.open).rows > header(slots_[fullest].open).rows)) {
+      fullest = order_[i];
+    }
+  }
+  return fullest;
+}
+
+Status ResultWindow::spill_block() {
+  const std::uint32_t victim = choose_victim();
+  if (victim == kNone) {
+    return {ErrorCode::budget_exceeded, "all results are being fetched; let go of hits that were fetched before"};
+  }
+  Slot& slot = slots_[victim];
+  const std::uint32_t index = slot.full != kNone ? slot.full : slot.open;
+  if (slot.full != kNone) {
+    slot.full = header(index).next;
+  } else {
+    slot.open = kNone;
+  }
+  const std::uint32_t place = file_.take();
+  header(index).next = std::exchange(slot.place, place);
+  header(index).checksum = checksum_of(block(index));
+  spilled_bytes_ += config_.block_bytes;
+  free_blocks_.push_back(index);
+  return file_.write(place, {block(index), config_.block_bytes});
+}
+
+std::uint64_t ResultWindow::checksum_of(const std::byte* block) const {
+  const std::uint32_t rows = reinterpret_cast<const BlockHeader*>(block)->rows;
+  return storage::checksum({block + sizeof(BlockHeader), rows * entry_bytes()});
+}
+
+bool ResultWindow::deliverable() const {
+  return !order_.empty() && slots_[order_.front()].state == State::done && !free_buffers_.empty();
+}
+
+ResultWindow::Delivery ResultWindow::begin_delivery() {
   const std::uint32_t index = order_.front();
   Slot& slot = slots_[index];
-  const bool in_file = slot.block == kNone;
-  if (in_file) {
-    slot.block = free_blocks_.back();
-    free_blocks_.pop_back();
-  }
-  std::byte* rows = block_rows(slot.block);
-  const Delivery delivery{next_index_, slot.first_ray, {rows, slot.rays * config_.asked.row_bytes()}, index};
-  if (in_file) {
-    RAYMILL_RETURN_IF_ERROR(merge_stragglers(slot));
-    RAYMILL_RETURN_IF_ERROR(read_at(file_offset(slot), delivery.rows));
-  } else {
-    compact(rows, slot.rays);
-  }
-  slot.state = State::held;
   order_.pop_front();
-  ++next_index_;
-  return delivery;
+  slot.state = State::held;
+  slot.buffer = free_buffers_.back();
+  free_buffers_.pop_back();
+  if (slot.open != kNone) {
+    header(slot.open).next = slot.full;
+    slot.full = std::exchange(slot.open, kNone);
+  }
+  const std::size_t row_bytes = config_.layout.row_bytes();
+  std::byte* buffer = buffers_.data() + slot.buffer * (row_bytes << config_.chunk_shift);
+  return {next_index_++, slot.first_ray, {buffer, slot.rays * row_bytes}, index, {}};
 }
 
-// From the kept layout to the asked one, in place: rows only get shorter.
-void ResultWindow::compact(std::byte* rows, std::uint32_t count) const {
-  if (config_.asked.row_bytes() == config_.kept.row_bytes()) {
-    return;
+Status ResultWindow::damaged() const {
+  return {ErrorCode::checksum_mismatch, "results came back from a temporary file in " + config_.spill_directory +
+                                            " other than they went; check that disk"};
+}
+
+// Each row to its position.
+Status ResultWindow::place_rows(const std::byte* block, const Delivery& delivery, std::uint32_t& rows_left) const {
+  const std::uint32_t rows = reinterpret_cast<const BlockHeader*>(block)->rows;
+  const std::size_t row_bytes = config_.layout.row_bytes();
+  if (rows > rows_left) {
+    return damaged();
   }
-  for (std::uint32_t i = 0; i < count; ++i) {
-    config_.asked.write(config_.kept.read(rows + i * config_.kept.row_bytes()), rows + i * config_.asked.row_bytes());
+  rows_left -= rows;
+  for (const std::byte* entry = block + sizeof(BlockHeader); entry < block + sizeof(BlockHeader) + rows * entry_bytes();
+       entry += entry_bytes()) {
+    Position position;
+    std::memcpy(&position, entry, sizeof position);
+    if ((position + 1) * row_bytes > delivery.rows.size()) {
+      return damaged();
+    }
+    std::memcpy(delivery.rows.data() + position * row_bytes, entry + sizeof position, row_bytes);
   }
+  return {};
+}
+
+Status ResultWindow::collect(Delivery& delivery) {
+  const Slot& slot = slots_[delivery.slot];
+  std::uint32_t rows_left = slot.rays;
+  for (std::uint32_t index = slot.full; index != kNone; index = header(index).next) {
+    RAYMILL_RETURN_IF_ERROR(place_rows(block(index), delivery, rows_left));
+  }
+  if (slot.place != kNone) {
+    std::vector<std::byte> buffer(config_.block_bytes);
+    const auto* head = reinterpret_cast<const BlockHeader*>(buffer.data());
+    for (std::uint32_t place = slot.place; place != kNone; place = head->next) {
+      RAYMILL_RETURN_IF_ERROR(file_.read(place, buffer));
+      delivery.places.push_back(place);
+      if (head->rows > block_rows() || head->checksum != checksum_of(buffer.data())) {
+        return damaged();
+      }
+      RAYMILL_RETURN_IF_ERROR(place_rows(buffer.data(), delivery, rows_left));
+    }
+  }
+  return rows_left == 0 ? Status() : damaged();
+}
+
+void ResultWindow::end_delivery(const Delivery& delivery) {
+  Slot& slot = slots_[delivery.slot];
+  while (slot.full != kNone) {
+    free_blocks_.push_back(slot.full);
+    slot.full = header(slot.full).next;
+  }
+  for (const std::uint32_t place : delivery.places) {
+    file_.give(place);
+  }
+  slot.place = kNone;
 }
 
 void ResultWindow::free_slot(std::uint32_t index) {
-  if (slots_[index].block != kNone) {
-    free_blocks_.push_back(slots_[index].block);
-  }
-  if (slots_[index].place != kNone) {
-    free_places_.push_back(slots_[index].place);
+  if (slots_[index].buffer != kNone) {
+    free_buffers_.push_back(slots_[index].buffer);
   }
   slots_[index] = {};
-  bases_[index] = nullptr;
-  stragglers_[index] = nullptr;
-  tnears_[index] = nullptr;
   free_slots_.push_back(index);
-}
-
-Status ResultWindow::open_file() {
-  if (file_ >= 0) {
-    return {};
-  }
-  file_ = storage::open_nameless(config_.spill_directory);
-  if (file_ < 0) {
-    return {ErrorCode::io, "cannot make a temporary file for results in " + config_.spill_directory + ": " +
-                               std::strerror(errno) + "; set TMPDIR to a folder with room"};
-  }
-  return {};
-}
-
-// Appends a chunk's rows in the asked layout; its block's contents are lost.
-Status ResultWindow::write_rows(Slot& slot) {
-  RAYMILL_RETURN_IF_ERROR(open_file());
-  if (free_places_.empty()) {
-    free_places_.push_back(places_++);
-  }
-  slot.place = free_places_.back();
-  free_places_.pop_back();
-  std::byte* rows = block_rows(slot.block);
-  compact(rows, slot.rays);
-  const std::size_t size = slot.rays * config_.asked.row_bytes();
-  spilled_bytes_ += size;
-  return write_at(file_offset(slot), {rows, size});
-}
-
-Status ResultWindow::write_at(std::uint64_t offset, std::span<const std::byte> bytes) const {
-  if (!storage::write_fully(file_, bytes, offset)) {
-    return {storage::write_error(errno), "cannot keep results in a temporary file in " + config_.spill_directory +
-                                             ": " + std::strerror(errno) +
-                                             "; fetch results while pushing, or set TMPDIR to a folder with room"};
-  }
-  return {};
-}
-
-Status ResultWindow::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
-  const auto got = storage::read_fully(file_, bytes, offset);
-  if (got != bytes.size()) {
-    return {ErrorCode::io, "cannot read results back from a temporary file in " + config_.spill_directory + ": " +
-                               std::strerror(got ? EIO : errno)};
-  }
-  return {};
-}
-
-// Puts the rows of a done chunk's late rays among the others in the file, in pieces, and frees them.
-Status ResultWindow::merge_stragglers(Slot& slot) const {
-  if (!slot.stragglers) {
-    return {};
-  }
-  const StragglerRows& late = *slot.stragglers;
-  const std::size_t row_bytes = config_.asked.row_bytes();
-  const std::size_t piece_rows = kMergeBytes / row_bytes;
-  std::vector<std::byte> piece(piece_rows * row_bytes);
-  for (std::size_t next = 0; next < late.positions.size();) {
-    const std::size_t first = late.positions[next];
-    const std::size_t rows = std::min<std::size_t>(piece_rows, slot.rays - first);
-    const std::uint64_t offset = file_offset(slot) + first * row_bytes;
-    const auto bytes = std::span(piece).first(rows * row_bytes);
-    RAYMILL_RETURN_IF_ERROR(read_at(offset, bytes));
-    for (; next < late.positions.size() && late.positions[next] < first + rows; ++next) {
-      config_.asked.write(config_.kept.read(late.rows.data() + next * late.row_bytes),
-                          piece.data() + (late.positions[next] - first) * row_bytes);
-    }
-    RAYMILL_RETURN_IF_ERROR(write_at(offset, bytes));
-  }
-  slot.stragglers.reset();
-  return {};
-}
-
-void ResultWindow::give_up_block(std::uint32_t index) {
-  free_blocks_.push_back(slots_[index].block);
-  slots_[index].block = kNone;
-  slots_[index].done = {};
-  bases_[index] = nullptr;
-}
-
-Result<bool> ResultWindow::spill_done() {
-  // The latest finished chunk: it is needed last.
-  for (std::size_t i = order_.size(); i-- > 0;) {
-    Slot& slot = slots_[order_[i]];
-    if (slot.block != kNone && slot.state == State::done) {
-      RAYMILL_RETURN_IF_ERROR(write_rows(slot));
-      give_up_block(order_[i]);
-      return true;
-    }
-  }
-  return false;
-}
-
-std::optional<std::uint32_t> ResultWindow::find_open() const {
-  std::optional<std::uint32_t> best;
-  for (const std::uint32_t index : order_) {
-    const Slot& slot = slots_[index];
-    if (slot.block != kNone && slot.state == State::tracing && slot.remaining <= slot.rays / kOpenShare &&
-        straggler_count_ + slot.remaining <= config_.most_stragglers &&
-        (!best || slot.remaining < slots_[*best].remaining)) {
-      best = index;
-    }
-  }
-  return best;
-}
-
-StragglerRows ResultWindow::take_stragglers(const Slot& slot, const std::byte* rows) const {
-  StragglerRows late;
-  late.row_bytes = config_.kept.row_bytes();
-  late.positions.reserve(slot.remaining);
-  late.rows.reserve(slot.remaining * late.row_bytes);
-  for (std::uint32_t position = 0; position < slot.rays; ++position) {
-    if (!slot.done[position]) {
-      const std::byte* row = rows + position * late.row_bytes;
-      late.positions.push_back(position);
-      late.rows.insert(late.rows.end(), row, row + late.row_bytes);
-      if (slot.tnears) {
-        late.tnears.push_back(slot.tnears[position]);
-      }
-    }
-  }
-  return late;
-}
-
-Status ResultWindow::spill_open() {
-  for (const std::uint32_t index : order_) {
-    if (slots_[index].state == State::done && slots_[index].stragglers) {
-      RAYMILL_RETURN_IF_ERROR(merge_stragglers(slots_[index]));
-      stragglers_[index] = nullptr;
-    }
-  }
-  while (free_blocks_.size() < config_.blocks / 2) {
-    const auto index = find_open();
-    if (!index) {
-      break;
-    }
-    Slot& slot = slots_[*index];
-    slot.stragglers = std::make_unique<StragglerRows>(take_stragglers(slot, block_rows(slot.block)));
-    RAYMILL_RETURN_IF_ERROR(write_rows(slot));
-    give_up_block(*index);
-    straggler_count_ += slot.remaining;
-    stragglers_[*index] = slot.stragglers.get();
-    slot.tnears.reset();
-    tnears_[*index] = nullptr;
-  }
-  return {};
 }
 
 }  // namespace raymill::traversal

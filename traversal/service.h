@@ -82,7 +82,8 @@ struct JobStats {
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
   std::uint64_t rays_parked = 0;                           ///< times a ray waited for a page
-  std::uint64_t most_in_flight = 0;                        ///< rays that memory holds at once
+  std::uint64_t most_in_flight = 0;                        ///< rays at once, those that wait on disk among them
+  std::uint64_t ray_spill_bytes = 0;                       ///< of rays that waited on disk for a page
   std::uint64_t result_spill_bytes = 0;                    ///< results that waited on disk for next()
   double trace_seconds = 0;                                ///< from the first push to the last hit
   std::uint64_t peak_rss_bytes = 0;                        ///< of the process that traces

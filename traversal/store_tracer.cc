@@ -17,6 +17,24 @@ namespace {
 // A job gets more rays soon when its pusher was there so short a time ago.
 constexpr std::chrono::milliseconds kPushPatience{10};
 
+// Rays of a job at the root page, of which push() adds no more.
+constexpr std::uint32_t kMostAtRoot = 64 << 10;
+// Rays for each worker that keep it from running dry while a page is read.
+constexpr std::uint64_t kEnoughReady = 16 * kBatchRays;
+
+// What a read of each page costs.
+std::function<std::uint32_t(std::uint32_t)> encoded_bytes(const storage::StoreFile& store) {
+  return [&store](std::uint32_t page) { return store.entry(storage::PageId{page}).encoded_bytes; };
+}
+
+// What a waiting ray keeps of its best hit. Ties are broken by ids: they are kept wherever the choice could show.
+Field kept_fields(const TraceConfig& config) {
+  if (config.query == Query::any) {
+    return Field::none;
+  }
+  return config.fields == Field::t ? Field::t : config.fields | Field::ids;
+}
+
 }  // namespace
 
 // What a worker owns.
@@ -29,8 +47,8 @@ struct StoreTracer::Worker {
     if (config.page_trace) {
       page_lane.emplace(config.page_trace, file.page_count());
     }
-    rays.reserve(kBatchRays + 64);
-    parked.reserve(kBatchRays + 64);
+    rays.reserve(kBatchRays + kBatchSlack);
+    parked.reserve(kBatchRays + kBatchSlack);
   }
   const unsigned index;
   storage::PageDecoder decoder;
@@ -51,10 +69,7 @@ StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const C
     : file_(std::move(file)),
       config_(config),
       ledger_(ledger),
-      scheduler_(file_->page_count(), make_read_policy(config.read_order, file_->page_count(),
-                                                       [store = file_.get()](std::uint32_t page) {
-                                                         return store->entry(storage::PageId{page}).encoded_bytes;
-                                                       })),
+      scheduler_(file_->page_count(), make_read_policy(config.read_order, file_->page_count(), encoded_bytes(*file_))),
       was_read_(file_->page_count()) {}
 
 Status StoreTracer::init() {
@@ -75,6 +90,8 @@ Status StoreTracer::init() {
   RAYMILL_ASSIGN_OR_RETURN(reader_, storage::make_page_reader(file_, config_.io, plan_.read_depth, ledger_,
                                                               [this](storage::PageArrival a) { on_arrival(a); }));
   RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes + aside_bytes()));
+  turns_ = make_turns();
+  spiller_ = std::make_unique<RaySpiller>(*this, plan_.extent_bytes);
   for (unsigned i = 0; i < threads; ++i) {
     if (config_.timeline) {
       config_.timeline->name_lane(i, "worker " + std::to_string(i));
@@ -100,6 +117,7 @@ StoreTracer::~StoreTracer() {
   for (std::thread& thread : threads_) {
     thread.join();
   }
+  spiller_.reset();
   reader_.reset();  // its threads call on_arrival until they are gone
 }
 
@@ -118,34 +136,27 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
                       (choice.wide_stack ? "128" : "64") + "/" + std::string(to_string(config.mode)) + "/" +
                       std::string(to_string(config_.isa));
-  setup.layout = RecordLayout(RecordLayout::stack_bytes(rules.width, rules.levels));
-  setup.page_count = rules.page_count;
   if (future_demand_) {
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
   }
 
-  ResultWindow::Config window;
-  window.asked = HitLayout(setup.config.fields);
-  // Ties are broken by ids: they are kept wherever the choice could show, and t with them.
-  const bool ties_show = config.query == Query::closest && setup.config.fields != Field::t;
-  window.kept = HitLayout(ties_show ? setup.config.fields | Field::t | Field::ids : setup.config.fields);
-  window.spill_directory = config_.spill_directory;
-  const WindowPlan plan = plan_window(plan_.job_bytes, rules.page_count, setup.layout.bytes(), window.kept.row_bytes());
-  window.chunk_shift = plan.chunk_shift;
-  window.blocks = plan.blocks;
-  window.most_stragglers = plan.most_stragglers;
+  const HitLayout row(setup.config.fields);
+  JobPlan plan = plan_job(plan_, rules.page_count, row);
   setup.most_in_flight = plan.most_in_flight;
+  plan.waiting.layout = RecordLayout(kept_fields(setup.config));
+  plan.waiting.directory = config_.spill_directory;
+  plan.window.spill_directory = config_.spill_directory;
 
   const std::lock_guard lock(mutex_);
   if (jobs_.size() >= config_.share.max_jobs) {
     return {ErrorCode::busy_retry, file_->path() + ": " + std::to_string(jobs_.size()) +
                                        " jobs are running, as many as there is ray memory for; try again later"};
   }
-  RAYMILL_ASSIGN_OR_RETURN(setup.queues_claim, ledger_.claim(storage::Tag::rays, setup.page_count * sizeof(RayQueue)));
-  RAYMILL_ASSIGN_OR_RETURN(setup.pool, RayPool::create(setup.layout.bytes(), plan.pool_chunks, ledger_));
-  RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(window, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(setup.waiting, WaitingRays::create(plan.waiting, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(plan.window, ledger_));
   auto job = std::make_shared<TraceJob>(std::move(setup));
   jobs_.push_back(job);
+  spiller_->wake();
   return std::unique_ptr<Job>(std::make_unique<EngineJob>(std::move(self), std::move(job)));
 }
 
@@ -164,7 +175,7 @@ void StoreTracer::work(unsigned index) {
     }
     if (!arrivals_.empty()) {
       handle_arrival(worker, lock);
-    } else if (holds_ == 0) {
+    } else if (!stalled_) {
       if (const auto page = scheduler_.take_ready()) {
         run_batch(worker, *page, lock);
       }
@@ -175,7 +186,7 @@ void StoreTracer::work(unsigned index) {
 
 void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
   const auto something_to_do = [this] {
-    return stopping_ || !arrivals_.empty() || (scheduler_.has_ready() && holds_ == 0);
+    return stopping_ || !arrivals_.empty() || (scheduler_.has_ready() && !stalled_);
   };
   if (something_to_do()) {
     return;
@@ -197,40 +208,86 @@ void StoreTracer::on_arrival(storage::PageArrival arrival) {
   work_wake_.notify_one();
 }
 
-// Whether a read now would serve about as many rays as it ever will: most of those that memory holds, or of those that
-// there are when no more come, wait for absent pages.
-bool StoreTracer::enough_wait() const {
-  const auto now = std::chrono::steady_clock::now();
-  std::uint64_t expected = 0;
-  for (const auto& job : jobs_) {
-    const bool more_come = !job->finished && !job->push_blocked && now - job->last_push < kPushPatience;
-    expected += more_come ? job->most_in_flight : job->in_flight();
-  }
-  return scheduler_.wanted_rays() >= expected - expected / 4;
+// Whether some job gets more rays soon, for which there is or will be room without another ray's end.
+bool StoreTracer::more_rays_come() const {
+  const auto now = TraceJob::Clock::now();
+  return std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& job) {
+    return !job->finished && !job->push_blocked && (job->push_needs_room || now - job->last_push < kPushPatience);
+  });
 }
 
-// Starts reads in the policy's order. While there are frames a page costs nothing but its read; where another page must
-// go for it, the more rays wait for it the better, so first the rays in flight are as many as memory holds.
+// Chunks that are kept for batches in hand: a ray of a batch may need one of its own.
+std::uint32_t StoreTracer::low_water(const TraceJob& job) const {
+  return std::min(config_.share.threads * (kBatchRays + kBatchSlack), job.waiting->pool().chunk_count() / 4);
+}
+
+// Whether push() may go on: rays that workers have not got round to yet would only take memory from those that wait.
+bool StoreTracer::has_room(const TraceJob& job) const {
+  const storage::PageId root{file_->footer().root_page};
+  return job.waiting->count(root) < kMostAtRoot &&
+         job.waiting->free_chunks() >= low_water(job) + RaySpiller::kPushChunks;
+}
+
+std::unique_ptr<GroupTurns> StoreTracer::make_turns() const {
+  GroupTurns::Config config{file_->page_count(), plan_.group_pages, config_.read_order, encoded_bytes(*file_)};
+  GroupTurns::Source source;
+  source.rays_on_disk = [this](std::uint32_t group) {
+    std::uint64_t rays = 0;
+    for (const auto& job : jobs_) {
+      rays += job->waiting->disk_rays(group);
+    }
+    return rays;
+  };
+  source.wanted_rays = [this](std::uint32_t page) {
+    return cache_->absent(storage::PageId{page}) ? scheduler_.demand()[page] : 0;
+  };
+  return std::make_unique<GroupTurns>(config, std::move(source));
+}
+
+// The page to read next. While there are frames a page costs nothing but its read. When another page must go for it,
+// the more rays it serves the better: as long as more rays come it must serve very many; after that rays run as far as
+// they come without reading, and then group after group has its turn.
+std::optional<storage::PageId> StoreTracer::page_to_read() {
+  if (cache_->has_free_frame()) {
+    return scheduler_.next_wanted();
+  }
+  if (more_rays_come()) {
+    return scheduler_.most_wanted_rays() >= RaySpiller::kServedRays ? scheduler_.next_wanted() : std::nullopt;
+  }
+  std::uint64_t in_memory = 0;
+  for (const auto& job : jobs_) {
+    in_memory += job->in_flight() - job->waiting->rays_on_disk();
+  }
+  const std::uint64_t enough_ready = std::min<std::uint64_t>(in_memory / 4, config_.share.threads * kEnoughReady);
+  if (scheduler_.wanted_rays() + enough_ready < in_memory) {
+    return std::nullopt;
+  }
+  const auto page = turns_->next_page();
+  return page ? std::optional(storage::PageId{*page}) : std::nullopt;
+}
+
+storage::PageDemand StoreTracer::page_demand() const {
+  return {scheduler_.demand(), future_demand_ ? future_demand_->counts() : std::span<const FutureDemand::Count>()};
+}
+
 void StoreTracer::pump_reads() {
   while (readings_.size() < plan_.read_depth && scheduler_.wanted_count() > 0) {
-    if (!cache_->has_free_frame() && !enough_wait()) {
-      return;
-    }
-    // When old chunks keep new rays out, their rays are among those that have waited longest: every other read.
-    const bool held_up = std::any_of(jobs_.begin(), jobs_.end(), [](const auto& job) {
-      return job->rows_exhausted && job->in_flight() < job->most_in_flight / 2;
-    });
-    turn_ = !turn_;
-    const auto page = held_up && turn_ ? scheduler_.longest_wanted() : scheduler_.next_wanted();
-    const auto lease =
-        cache_->begin_read(*page, {scheduler_.demand(), future_demand_ ? future_demand_->counts()
-                                                                       : std::span<const std::atomic<std::int32_t>>()});
+    const auto page = page_to_read();
+    const auto lease = page ? cache_->begin_read(*page, page_demand()) : std::nullopt;
     if (!lease) {
-      return;
+      break;
     }
     scheduler_.reading(*page);
     readings_.push_back({*lease, Timeline::Clock::now()});
     reader_->start(*page);
+  }
+  spiller_->wake();
+}
+
+void StoreTracer::unstall() {
+  stalled_ = false;
+  if (scheduler_.has_ready()) {
+    work_wake_.notify_all();
   }
 }
 
@@ -283,12 +340,22 @@ void StoreTracer::handle_arrival(Worker& worker, std::unique_lock<std::mutex>& l
   }
 }
 
+// Rays that may be taken out, each of which may come back to a chunk of its own; 0: there is no room for them. Where no
+// ray can go to disk, the rays of one chunk go on alone: kAlone chunks are kept for them.
+std::uint32_t StoreTracer::batch_size(const TraceJob& job) const {
+  const std::uint32_t room = job.waiting->free_chunks();
+  if (room >= RaySpiller::kLeastRoom) {
+    return std::min(kBatchRays, room - kBatchSlack);
+  }
+  return job.batches_out == 0 && !spiller_->can_relieve(job) ? 1 : 0;
+}
+
 void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock) {
   // The next job, in turn, that has rays here.
   std::shared_ptr<TraceJob> job;
   for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
     const auto& candidate = jobs_[(next_job_ + i) % jobs_.size()];
-    if (candidate->queues[index_of(page)].count > 0) {
+    if (candidate->waiting->count(page) > 0) {
       job = candidate;
       next_job_ = (next_job_ + i + 1) % jobs_.size();
     }
@@ -296,7 +363,16 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   if (!job) {
     return;
   }
-  RayQueue batch = job->pool->take(job->queues[index_of(page)], kBatchRays);
+  const std::uint32_t size = batch_size(*job);
+  if (size == 0) {
+    scheduler_.give_back(page);
+    stalled_ = true;
+    spiller_->wake();
+    return;
+  }
+  RayQueue batch = job->waiting->take(page, size);
+  const std::uint32_t promised = batch.count;
+  job->waiting->promise(promised);
   scheduler_.remove(page, batch.count);
   scheduler_.give_back(page);
   if (scheduler_.has_ready()) {
@@ -308,12 +384,11 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   lock.unlock();
 
   const auto begin = Timeline::Clock::now();
-  const RowTable& rows = job->window->rows();
   worker.rays.clear();
-  job->pool->for_each(batch, [&](const std::byte* record) {
+  const RayPool& pool = job->waiting->pool();
+  pool.for_each(batch, [&](const std::byte* record) {
     RayState& ray = worker.rays.emplace_back();
-    job->layout.unpack(record, ray);
-    ray.tnear = rows.tnear(ray.number);
+    pool.layout().unpack(record, ray);
     ray.page = index_of(page);
   });
   if (job->future_demand) {
@@ -322,7 +397,6 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   KernelContext context;
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
-  context.rows = &rows;
   context.need_normal = has(job->config.fields, Field::normal);
   job->kernel(context, worker.rays);
   if (worker.lone_page) {
@@ -337,12 +411,8 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   pin.release();
   worker.parked.clear();
   for (std::uint32_t i = 0; i < worker.rays.size(); ++i) {
-    const RayState& ray = worker.rays[i];
-    if (ray.improved) {
-      rows.layout.write(ray.hit, rows.row(ray.number));
-    }
-    if (!ray.done) {
-      worker.parked.emplace_back(ray.page, i);
+    if (!worker.rays[i].done) {
+      worker.parked.emplace_back(worker.rays[i].page, i);
     }
   }
   std::sort(worker.parked.begin(), worker.parked.end());
@@ -352,7 +422,8 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
 
   lock.lock();
   --job->batches_out;
-  job->pool->release(batch);
+  job->waiting->settle(promised);
+  job->waiting->pool().release(batch);
   job->stats.nodes_visited += context.counters.nodes_visited;
   job->stats.triangles_tested += context.counters.triangles_tested;
   if (context.corrupt && job->status.ok()) {
@@ -362,41 +433,48 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   }
   bool chunk_done = false;
   if (job->status.ok()) {
-    chunk_done = settle(worker, *job);
-  } else {
+    const Result<bool> settled = settle(worker, *job);
+    chunk_done = settled && *settled;
+    job->status = settled.status();
+  }
+  if (!job->status.ok()) {
     remove_job(*job);
   }
   if (config_.adversarial && cache_->resident(page)) {
     cache_->drop(page);
     scheduler_.dropped(page);
   }
+  unstall();
   // Waking costs more than a small batch: only where whoever waits can go on.
-  const bool room = job->push_blocked && job->in_flight() <= job->most_in_flight - job->most_in_flight / 16;
-  if (chunk_done || room || job->rows_exhausted || holds_ > 0 || !job->status.ok()) {
+  const bool go_on = (job->push_blocked && job->in_flight() <= job->most_in_flight - job->most_in_flight / 16) ||
+                     (job->push_needs_room && has_room(*job));
+  if (chunk_done || go_on || !job->status.ok() || job->batches_out == 0) {
     job->changed.notify_all();
   }
 }
 
 // Done rays complete their chunks; the others join the queues of the pages they need. True: a chunk is done.
-bool StoreTracer::settle(Worker& worker, TraceJob& job) {
+Result<bool> StoreTracer::settle(Worker& worker, TraceJob& job) {
   bool chunk_done = false;
   for (const RayState& ray : worker.rays) {
     if (ray.done) {
-      chunk_done = job.window->complete(ray.number) || chunk_done;
+      RAYMILL_ASSIGN_OR_RETURN(const bool done, job.window->complete(ray.number, ray.hit));
+      chunk_done = chunk_done || done;
       ++job.rays_done;
       job.stats.hits += ray.has_hit ? 1 : 0;
     }
   }
-  job.last_done = std::chrono::steady_clock::now();
+  job.last_done = TraceJob::Clock::now();
   job.stats.rays_parked += worker.parked.size();
+  const RecordLayout& layout = job.waiting->pool().layout();
   for (std::size_t i = 0; i < worker.parked.size();) {
     const storage::PageId page{worker.parked[i].first};
-    RayQueue& queue = job.queues[index_of(page)];
     const std::size_t begin = i;
     for (; i < worker.parked.size() && worker.parked[i].first == index_of(page); ++i) {
-      std::byte* record = job.pool->append(queue);
+      const RayState& ray = worker.rays[worker.parked[i].second];
+      std::byte* record = job.waiting->append(page, layout.bytes(ray));
       assert(record != nullptr);
-      job.layout.pack(worker.rays[worker.parked[i].second], record);
+      layout.pack(ray, record);
     }
     scheduler_.add(page, static_cast<std::uint32_t>(i - begin), state_of(page));
   }
@@ -406,7 +484,7 @@ bool StoreTracer::settle(Worker& worker, TraceJob& job) {
 void StoreTracer::fail_waiting(storage::PageId page, const Status& status) {
   const auto jobs = jobs_;  // remove_job changes the list
   for (const auto& job : jobs) {
-    if (job->queues[index_of(page)].count > 0) {
+    if (job->waiting->count(page) > 0) {
       job->status = job->status.ok() ? status : job->status;
       remove_job(*job);
       job->changed.notify_all();
@@ -414,12 +492,14 @@ void StoreTracer::fail_waiting(storage::PageId page, const Status& status) {
   }
 }
 
-// Takes a job that has ended out of the queues. Rays that a worker holds are dropped when it comes back.
+// Takes a job that has ended out of the queues. Rays that somebody holds are dropped when they come back.
 void StoreTracer::remove_job(TraceJob& job) {
-  for (std::uint32_t page = 0; page < job.queues.size(); ++page) {
-    if (RayQueue& queue = job.queues[page]; queue.count > 0) {
-      scheduler_.remove(storage::PageId{page}, queue.count);
-      job.pool->release(queue);
+  for (std::uint32_t i = 0; i < file_->page_count(); ++i) {
+    const storage::PageId page{i};
+    if (const std::uint32_t rays = job.waiting->count(page); rays > 0) {
+      scheduler_.remove(page, rays);
+      RayQueue queue = job.waiting->take(page, rays);
+      job.waiting->pool().release(queue);
     }
   }
   std::erase_if(jobs_, [&](const auto& other) { return other.get() == &job; });

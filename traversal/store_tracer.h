@@ -7,9 +7,12 @@
 //   worker: take a batch, pin, kernel --done--> rows, chunk   |
 //        |                                                    |
 //        +--parked--> queue of an absent page --wanted--> reader --arrival--> worker decodes, publishes
+//                            |       ^
+//                            v       |
+//                     rays on disk, by group of pages (ray_spiller.h)
 //
-// One mutex guards the scheduler, the queues and the windows; kernels, decoding and reading run outside it. No thread
-// waits for a page: rays do. Thread-safe.
+// One mutex guards the scheduler, the queues and the windows; kernels, decoding and all transfers run outside it. No
+// thread waits for a page: rays do. Thread-safe.
 #pragma once
 
 #include <condition_variable>
@@ -26,9 +29,11 @@
 #include "storage/io/store_file.h"
 #include "traversal/budget_plan.h"
 #include "traversal/future_demand.h"
+#include "traversal/group_turns.h"
 #include "traversal/kernel.h"
 #include "traversal/page_scheduler.h"
 #include "traversal/page_trace.h"
+#include "traversal/ray_spiller.h"
 #include "traversal/service.h"
 #include "traversal/timeline.h"
 
@@ -39,8 +44,11 @@ class TraceJob;
 /// Rays that a worker runs between two looks at the queues: large enough to pay for the lock, small enough that an
 /// evicted page's frame rests for about a millisecond.
 constexpr std::uint32_t kBatchRays = 512;
-/// A batch, its take-out slack of one chunk included, and the order in which its rays are parked.
-constexpr std::uint64_t kWorkerBytes = (kBatchRays + 64) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
+constexpr unsigned kMostThreads = 256;  ///< workers of one store
+/// Chunks are taken out whole: a batch may have the rays of one more.
+constexpr std::uint32_t kBatchSlack = RayPool::records_per_chunk(RecordLayout::kLeastBytes);
+/// A batch, and the order in which its rays are parked.
+constexpr std::uint64_t kWorkerBytes = (kBatchRays + kBatchSlack) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
 
 class StoreTracer {
  public:
@@ -67,6 +75,7 @@ class StoreTracer {
  private:
   friend class TraceJob;
   friend class EngineJob;
+  friend class RaySpiller;
   struct Worker;
   struct StoreStats {
     std::uint64_t pages_read = 0;
@@ -85,9 +94,16 @@ class StoreTracer {
   void wait_for_work(std::unique_lock<std::mutex>& lock);
   void handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
-  bool settle(Worker& worker, TraceJob& job);
-  [[nodiscard]] bool enough_wait() const;
+  [[nodiscard]] std::uint32_t batch_size(const TraceJob& job) const;
+  Result<bool> settle(Worker& worker, TraceJob& job);
+  [[nodiscard]] bool more_rays_come() const;
+  [[nodiscard]] std::optional<storage::PageId> page_to_read();
+  std::unique_ptr<GroupTurns> make_turns() const;
+  [[nodiscard]] storage::PageDemand page_demand() const;
   void pump_reads();
+  [[nodiscard]] std::uint32_t low_water(const TraceJob& job) const;
+  [[nodiscard]] bool has_room(const TraceJob& job) const;
+  void unstall();
   void on_arrival(storage::PageArrival arrival);
   [[nodiscard]] PageState state_of(storage::PageId page) const;
   void fail_waiting(storage::PageId page, const Status& status);
@@ -104,6 +120,7 @@ class StoreTracer {
   std::mutex mutex_;
   std::condition_variable work_wake_;  // workers: something to do
   PageScheduler scheduler_;
+  std::unique_ptr<GroupTurns> turns_;
   std::vector<storage::PageArrival> arrivals_;
   struct Reading {
     storage::FrameLease lease;
@@ -114,11 +131,11 @@ class StoreTracer {
   std::vector<std::shared_ptr<TraceJob>> jobs_;
   std::size_t next_job_ = 0;  // round robin
   StoreStats stats_;
-  bool turn_ = false;
-  unsigned holds_ = 0;  // no batch is begun while someone waits for all to come back
+  bool stalled_ = false;  // batches wait for room in a job's memory
   bool stopping_ = false;
 
   std::unique_ptr<storage::PageReader> reader_;
+  std::unique_ptr<RaySpiller> spiller_;
   std::vector<std::thread> threads_;
 };
 

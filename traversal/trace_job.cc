@@ -1,6 +1,7 @@
 #include "traversal/trace_job.h"
 
 #include <cmath>
+#include <utility>
 
 namespace raymill::traversal {
 
@@ -8,13 +9,10 @@ TraceJob::TraceJob(Setup setup)
     : config(setup.config),
       kernel(setup.kernel),
       kernel_name(std::move(setup.kernel_name)),
-      layout(setup.layout),
       most_in_flight(setup.most_in_flight),
       future_demand(std::move(setup.future_demand)),
-      pool(std::move(setup.pool)),
-      window(std::move(setup.window)),
-      queues(setup.page_count),
-      queues_claim_(std::move(setup.queues_claim)) {}
+      waiting(std::move(setup.waiting)),
+      window(std::move(setup.window)) {}
 
 bool TraceJob::valid(const Ray& ray) {
   bool zero = true;

@@ -1,40 +1,35 @@
 // TraceJob: one batch of rays on a StoreTracer: its waiting rays, its rows, its end.
 //
-// Everything here is guarded by the tracer's mutex but what a worker holds in its hands: the rays of its batch and
-// their rows. Thread-compatible under that mutex.
+// Everything here is guarded by the tracer's mutex but what somebody holds in its hands: the rays of a worker's batch,
+// and those on their way to disk or back. Thread-compatible under that mutex.
 #pragma once
 
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <memory>
-#include <vector>
+#include <string>
 
-#include "storage/base/ledger.h"
 #include "traversal/future_demand.h"
 #include "traversal/kernel.h"
-#include "traversal/ray_pool.h"
-#include "traversal/ray_state.h"
 #include "traversal/result_window.h"
 #include "traversal/service.h"
+#include "traversal/waiting_rays.h"
 
 namespace raymill::traversal {
 
-class StoreTracer;
-
 class TraceJob {
  public:
+  using Clock = std::chrono::steady_clock;
+
   struct Setup {
     TraceConfig config;
     Kernel kernel = nullptr;
     std::string kernel_name;
-    RecordLayout layout;
-    std::unique_ptr<RayPool> pool;
+    std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
+    std::uint64_t most_in_flight = 0;
     std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
-    storage::BudgetReservation queues_claim;
-    std::uint32_t page_count = 0;
-    std::uint32_t most_in_flight = 0;
   };
   explicit TraceJob(Setup setup);
 
@@ -45,29 +40,24 @@ class TraceJob {
   const TraceConfig config;
   const Kernel kernel;
   const std::string kernel_name;
-  const RecordLayout layout;
-  const std::uint32_t most_in_flight;
+  const std::uint64_t most_in_flight;
   const std::unique_ptr<FutureDemand::Share> future_demand;
 
   // Under the tracer's mutex.
-  std::unique_ptr<RayPool> pool;
+  std::unique_ptr<WaitingRays> waiting;
   std::unique_ptr<ResultWindow> window;
-  std::vector<RayQueue> queues;  ///< [page]
   Status status;                 ///< not ok: the job has ended early
   bool finished = false;         ///< no more rays come
   unsigned batches_out = 0;      ///< workers that hold rays of this job
-  bool push_blocked = false;     ///< push() waits
-  bool rows_exhausted = false;   ///< it waits for rows, not for rays
-  std::chrono::steady_clock::time_point last_push{};
+  bool push_blocked = false;     ///< push() waits until rays are done
+  bool push_needs_room = false;  ///< push() waits until there is room for waiting rays
+  Clock::time_point last_push{};
   JobStats stats;
   std::uint64_t rays_pushed = 0;
   std::uint64_t rays_done = 0;
   [[nodiscard]] std::uint64_t in_flight() const { return rays_pushed - rays_done; }
-  std::chrono::steady_clock::time_point first_push{}, last_done{};
-  std::condition_variable changed;  ///< a slot is free or done, or the job ended
-
- private:
-  storage::BudgetReservation queues_claim_;
+  Clock::time_point first_push{}, last_done{};
+  std::condition_variable changed;  ///< a slot is free or done, there is room, or the job ended
 };
 
 }  // namespace raymill::traversal

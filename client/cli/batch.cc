@@ -131,6 +131,7 @@ void RunStats::add(const JobStats& stats) {
   total_.nodes_visited += before.nodes_visited;
   total_.triangles_tested += before.triangles_tested;
   total_.rays_parked += before.rays_parked;
+  total_.ray_spill_bytes += before.ray_spill_bytes;
   total_.result_spill_bytes += before.result_spill_bytes;
   total_.trace_seconds += before.trace_seconds;
   total_.peak_rss_bytes = std::max(total_.peak_rss_bytes, before.peak_rss_bytes);

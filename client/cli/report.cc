@@ -67,6 +67,7 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"nodes_visited", stats.nodes_visited},
           {"triangles_tested", stats.triangles_tested},
           {"rays_parked", stats.rays_parked},
+          {"ray_spill_bytes", stats.ray_spill_bytes},
           {"result_spill_bytes", stats.result_spill_bytes},
           {"memory_bytes", memory_bytes},
           {"threads", threads}};

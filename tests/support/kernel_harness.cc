@@ -41,16 +41,10 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
   const std::size_t page_count = pages.images.size();
   const auto images = std::make_unique<std::atomic<const std::byte*>[]>(page_count);
   const auto touched = std::make_unique<std::atomic<std::uint8_t>[]>(page_count);
-  const HitLayout layout(Field::all);
-  std::vector<std::byte> row(layout.row_bytes());
-  float tnear = 0;
-  const float* tnears[] = {&tnear};
-  std::byte* bases[] = {row.data()};
-  const RowTable rows{0, layout.row_bytes(), layout, bases, nullptr, tnears};
   const unsigned bits = pages.rules.width * pages.rules.levels;
   const Kernel kernel = find_kernel(run.isa, {run.query, run.mode, pages.rules.width, run.wide_stack || bits > 64});
-  const RecordLayout records(RecordLayout::stack_bytes(pages.rules.width, pages.rules.levels));
-  std::vector<std::byte> record(records.bytes());
+  const RecordLayout records(Field::all);
+  std::vector<std::byte> record(records.most_bytes());
   Random random(run.seed);
 
   KernelHits result;
@@ -61,8 +55,6 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
       result.hits.push_back(miss);
       continue;
     }
-    layout.write(miss, row.data());
-    tnear = ray.tnear;
     RayState state;
     state.org = ray.org;
     state.dir = ray.dir;
@@ -76,21 +68,17 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
                            (run.residency == Residency::random && random.below(2) == 0);
         images[page].store(there ? pages.images[page].data() : nullptr);
       }
-      KernelContext context{images.get(), touched.get(), &rows, true, {}, false};
+      KernelContext context{images.get(), touched.get(), true, {}, false};
       kernel(context, {&state, 1});
       result.corrupt = result.corrupt || context.corrupt;
-      if (state.improved) {
-        layout.write(state.hit, row.data());
-      }
       if (!state.done) {
         const std::uint32_t page = state.page;
         records.pack(state, record.data());
         records.unpack(record.data(), state);
-        state.tnear = ray.tnear;
         state.page = page;
       }
     }
-    result.hits.push_back(layout.read(row.data()));
+    result.hits.push_back(state.hit);
   }
   return result;
 }

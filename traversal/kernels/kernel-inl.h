@@ -259,7 +259,7 @@ class Tracer {
     if constexpr (kQuery == Query::any) {
       ray_.hit = {};
       ray_.hit.t = 0;
-      ray_.improved = ray_.has_hit = ray_.done = true;
+      ray_.has_hit = ray_.done = true;
     } else {
       const PageView view(image_);
       const std::uint32_t geometry_id = view.geometry_id(triangle);
@@ -268,7 +268,7 @@ class Tracer {
         return;
       }
       ray_.tfar = t;
-      ray_.improved = ray_.has_hit = true;
+      ray_.has_hit = true;
       ray_.hit.t = t;
       set_barycentrics(hit);
       ray_.hit.geometry_id = geometry_id;
@@ -279,9 +279,9 @@ class Tracer {
     }
   }
 
-  // At equal t. The best so far may have been found before the ray last waited: its ids are then in the row.
-  bool comes_before(std::uint32_t geometry_id, std::uint32_t primitive_id) {
-    const Hit best = ray_.improved ? ray_.hit : context_.rows->layout.read(context_.rows->row(ray_.number));
+  // At equal t.
+  [[nodiscard]] bool comes_before(std::uint32_t geometry_id, std::uint32_t primitive_id) const {
+    const Hit& best = ray_.hit;
     return geometry_id < best.geometry_id || (geometry_id == best.geometry_id && primitive_id < best.primitive_id);
   }
 

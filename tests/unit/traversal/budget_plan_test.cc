@@ -5,8 +5,6 @@
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
 #include "tests/support/stores.h"
-#include "traversal/ray_pool.h"
-#include "traversal/result_window.h"
 
 namespace raymill::traversal {
 namespace {
@@ -16,13 +14,7 @@ using storage::StoreFile;
 
 // What a tracer with this plan and `jobs` jobs of the largest kind claims, piece by piece.
 std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsigned jobs) {
-  const std::size_t record = 35 + sizeof(Bitstack);
-  const HitLayout row(Field::all);
-  const WindowPlan window = plan_window(plan.job_bytes, store.page_count(), record, row.row_bytes());
-  const std::uint64_t job =
-      store.page_count() * sizeof(RayQueue) +
-      ResultWindow::bytes(window.chunk_shift, window.blocks, window.most_stragglers, row.row_bytes()) +
-      std::uint64_t(window.pool_chunks) * kRayChunkBytes;
+  const std::uint64_t job = job_bytes(plan_job(plan, store.page_count(), HitLayout(Field::all)));
   return std::uint64_t(plan.frame_count) * store.header().page_bytes +
          storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
          storage::page_reader_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
@@ -79,20 +71,25 @@ TEST_F(BudgetPlanTest, PlentyHoldsTheWholeStore) {
   EXPECT_EQ(plan_budget(*store, {gibibytes(4), 2, 1})->frame_count, store->page_count());
 }
 
-TEST(WindowPlan, GrowsWithItsBytesAndNeverPassesThem) {
-  std::uint64_t last = 0;
-  for (std::uint64_t bytes = mebibytes(1); bytes < gibibytes(8); bytes += bytes / 3) {
-    const WindowPlan plan = plan_window(bytes, 1000, 43, 36);
-    const std::uint64_t rows = std::uint64_t(plan.blocks) << plan.chunk_shift;
-    EXPECT_GE(plan.blocks, ResultWindow::kMinBlocks);
-    EXPECT_GE(rows + plan.most_stragglers, plan.most_in_flight) << "every ray in flight has a row";
-    EXPECT_LE(std::uint64_t(plan.blocks) * ResultWindow::kSlotsPerBlock << plan.chunk_shift, 0xFFFFFFFFu);
-    EXPECT_GE(plan.most_in_flight, last) << "more memory, not fewer rays";
-    EXPECT_LE(ResultWindow::bytes(plan.chunk_shift, plan.blocks, plan.most_stragglers, 36) +
-                  std::uint64_t(plan.pool_chunks) * kRayChunkBytes,
-              bytes);
-    EXPECT_GE(plan.pool_chunks, RayPool::chunks_needed(plan.most_in_flight, 1000, 43));
-    last = plan.most_in_flight;
+TEST(JobPlan, GrowsWithItsBytesAndNeverPassesThem) {
+  BudgetPlan plan;
+  plan.group_pages = 10;
+  plan.extent_bytes = 64 << 10;
+  for (const Field fields : {Field::t, Field::all}) {
+    const HitLayout row(fields);
+    std::uint64_t last = 0;
+    for (plan.job_bytes = mebibytes(2); plan.job_bytes < gibibytes(8); plan.job_bytes += plan.job_bytes / 3) {
+      const JobPlan job = plan_job(plan, 1000, row);
+      EXPECT_LE(job_bytes(job), plan.job_bytes);
+      EXPECT_GE(job.waiting.pool_chunks, last) << "more memory, not fewer rays";
+      EXPECT_GE(job.window.blocks, ResultWindow::kMinBlocks);
+      EXPECT_LE(std::uint64_t(job.window.slots) << job.window.chunk_shift, std::uint64_t(1) << 32);
+      EXPECT_GE(std::uint64_t(job.window.slots) << job.window.chunk_shift, job.most_in_flight);
+      EXPECT_LE(job.most_in_flight, std::uint64_t(job.window.blocks) << job.window.chunk_shift)
+          << "each chunk under way has a block";
+      EXPECT_GE(job.most_in_flight, 10000u);
+      last = job.waiting.pool_chunks;
+    }
   }
 }
 

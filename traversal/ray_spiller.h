@@ -1,0 +1,72 @@
+// RaySpiller: takes waiting rays of a tracer to disk when memory is short, and brings them back when it is their turn.
+//
+//   memory short        the group with the most rays in memory goes:          detach, store, retire
+//   no more rays come   the group whose turn it is (group_turns.h) comes back:  begin_fetch, fetch, accept
+//
+// A thread of its own does the transfers: a worker never waits for a disk. Thread-safe by the tracer's mutex.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "storage/base/mapped_memory.h"
+#include "traversal/trace_job.h"
+
+namespace raymill::traversal {
+
+class StoreTracer;
+
+class RaySpiller {
+ public:
+  /// So many rays make a page worth reading at any time.
+  static constexpr std::uint32_t kServedRays = 1024;
+  /// With fewer chunks free no batch begins.
+  static constexpr std::uint32_t kLeastRoom = 64;
+  /// What push() needs for a piece.
+  static constexpr std::uint32_t kPushChunks = 256;
+
+  RaySpiller(StoreTracer& tracer, std::size_t extent_bytes);
+  /// The tracer's mutex must be free.
+  ~RaySpiller();
+  RaySpiller(const RaySpiller&) = delete;
+  RaySpiller& operator=(const RaySpiller&) = delete;
+
+  // Under the tracer's mutex:
+
+  /// Something changed that may make it go on.
+  void wake() { wake_.notify_one(); }
+  /// Whether rays of the job are under way to disk or could go there.
+  [[nodiscard]] bool can_relieve(const TraceJob& job) const;
+  [[nodiscard]] std::uint64_t rays_on_disk() const;
+
+ private:
+  struct Turn {
+    std::shared_ptr<TraceJob> job;
+    std::uint32_t group;
+  };
+  void run();
+  [[nodiscard]] std::optional<Turn> next_out() const;
+  [[nodiscard]] std::optional<std::uint32_t> fullest_group(const TraceJob& job) const;
+  [[nodiscard]] bool may_go(const TraceJob& job, std::uint32_t group) const;
+  [[nodiscard]] std::optional<Turn> next_in();
+  [[nodiscard]] std::optional<Turn> extent_of_active() const;
+  [[nodiscard]] bool has_room_for(const Turn& turn) const;
+  void send(const Turn& turn, std::unique_lock<std::mutex>& lock);
+  void bring(const Turn& turn, std::unique_lock<std::mutex>& lock);
+  void end_transfer(const Turn& turn, const Status& status);
+
+  StoreTracer& tracer_;
+  const std::size_t extent_bytes_;
+  storage::MappedMemory buffer_;
+  std::condition_variable wake_;
+  bool wants_room_ = false;  // for an extent of the active group
+  const TraceJob* sending_ = nullptr;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace raymill::traversal

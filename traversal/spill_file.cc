@@ -1,0 +1,88 @@
+#include "traversal/spill_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cassert>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "storage/base/file_io.h"
+
+namespace raymill::traversal {
+
+SpillFile::SpillFile(Config config) : config_(std::move(config)) {
+  assert(!config_.direct || config_.place_bytes % kAlignment == 0);
+}
+
+SpillFile::~SpillFile() {
+  if (descriptor_ >= 0) {
+    ::close(descriptor_);
+  }
+}
+
+std::uint32_t SpillFile::take() {
+  if (free_.empty()) {
+    return places_++;
+  }
+  const std::uint32_t place = free_.back();
+  free_.pop_back();
+  return place;
+}
+
+void SpillFile::give(std::uint32_t place) {
+  if (free_.size() < kMostFree) {
+    free_.push_back(place);
+  } else {
+    // Where the file system cannot, the space comes back when the file goes.
+    (void)::fallocate(descriptor_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE,
+                      static_cast<off_t>(place * config_.place_bytes), static_cast<off_t>(config_.place_bytes));
+  }
+}
+
+Status SpillFile::open() {
+  const std::lock_guard lock(opening_);
+  if (descriptor_ >= 0) {
+    return {};
+  }
+  const int descriptor = storage::open_nameless(config_.directory);
+  if (descriptor < 0) {
+    return {ErrorCode::io, "cannot make a temporary file for " + config_.what + " in " + config_.directory + ": " +
+                               std::strerror(errno) + "; set TMPDIR to a folder with room"};
+  }
+  direct_ = config_.direct && ::fcntl(descriptor, F_SETFL, ::fcntl(descriptor, F_GETFL) | O_DIRECT) == 0;
+  if (!direct_) {
+    ::posix_fadvise(descriptor, 0, 0, POSIX_FADV_RANDOM);  // places come back in another order than they went
+  }
+  descriptor_ = descriptor;
+  return {};
+}
+
+std::size_t SpillFile::whole(std::size_t bytes) const {
+  return direct_ ? (bytes + kAlignment - 1) / kAlignment * kAlignment : bytes;
+}
+
+Status SpillFile::write(std::uint32_t place, std::span<std::byte> bytes) {
+  assert(bytes.size() <= config_.place_bytes);
+  RAYMILL_RETURN_IF_ERROR(open());
+  const std::span<const std::byte> all{bytes.data(), whole(bytes.size())};
+  if (!storage::write_fully(descriptor_, all, std::uint64_t(place) * config_.place_bytes)) {
+    return {storage::write_error(errno), "cannot keep " + config_.what + " in a temporary file in " +
+                                             config_.directory + ": " + std::strerror(errno) +
+                                             "; set TMPDIR to a folder with room"};
+  }
+  return {};
+}
+
+Status SpillFile::read(std::uint32_t place, std::span<std::byte> bytes) const {
+  const std::span<std::byte> all{bytes.data(), whole(bytes.size())};
+  const auto got = storage::read_fully(descriptor_, all, std::uint64_t(place) * config_.place_bytes);
+  if (!got || *got < bytes.size()) {
+    return {ErrorCode::io, "cannot read " + config_.what + " back from a temporary file in " + config_.directory +
+                               ": " + std::strerror(got ? EIO : errno)};
+  }
+  return {};
+}
+
+}  // namespace raymill::traversal
