@@ -47,9 +47,8 @@ std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, un
   const std::uint64_t worker =
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
   return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
-         GroupTurns::bytes(store.page_count(), plan.group_pages) +
-         storage::PageDecoder::process_bytes(store.codec()) + (plan.read_depth + 1) * kThreadBytes +
-         WaitingRays::transfer_bytes(plan.extent_bytes) + threads * worker;
+         GroupTurns::bytes(store.page_count(), plan.group_pages) + storage::PageDecoder::process_bytes(store.codec()) +
+         (plan.read_depth + 1) * kThreadBytes + WaitingRays::transfer_bytes(plan.extent_bytes) + threads * worker;
 }
 
 // What does not depend on frames and jobs.

@@ -45,9 +45,9 @@ void FutureDemand::Share::count(const RayState& ray, const LeftNode& from, std::
   }
   const auto visit = [&](std::uint32_t page) { add(page, step); };
   if (all_->width_ == 8) {
-    for_each_pending_page<8>(from.image, from.page, from.node, ray.stack, visit);
+    for_each_pending_page<8>(from.image, from.page, from.node, ray, visit);
   } else {
-    for_each_pending_page<4>(from.image, from.page, from.node, ray.stack, visit);
+    for_each_pending_page<4>(from.image, from.page, from.node, ray, visit);
   }
 }
 

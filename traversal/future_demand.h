@@ -14,6 +14,7 @@
 #include <array>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -24,10 +25,25 @@
 
 namespace raymill::traversal {
 
-/// Calls visit(page) for the page of each child that is pending in the bitstack, at the levels above and at `node` of
-/// the image of `page`, from the deepest up. A page that several neighbouring children stand in is named once for them.
+/// Whether the child's box begins beyond the ray's nearest hit: then the ray will not go there. The entry of slab.h.
+template <int N>
+bool beyond_hit(const storage::Node<N>& node, unsigned slot, const RayState& ray) {
+  float entry = ray.tnear;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float scale = std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23);
+    const auto& near_q = std::signbit(ray.dir[axis]) ? node.upper[axis] : node.lower[axis];
+    const float near =
+        (storage::decode_plane(node.base[axis], scale, near_q[slot]) - ray.org[axis]) * (1 / ray.dir[axis]);
+    entry = near > entry ? near : entry;  // NaN: no constraint
+  }
+  return entry > ray.tfar;
+}
+
+/// Calls visit(page) for the page of each child that is pending in the ray's bitstack, at the levels above and at
+/// `node` of the image of `page`, from the deepest up, and that may lie before the hit so far. A page that several
+/// neighbouring children stand in is named once for them.
 template <int N, typename Visit>
-void for_each_pending_page(const std::byte* image, std::uint32_t page, std::uint32_t node, const Bitstack& stack,
+void for_each_pending_page(const std::byte* image, std::uint32_t page, std::uint32_t node, const RayState& ray,
                            Visit&& visit) {
   constexpr unsigned kLevelsPerWord = 64 / N;
   const storage::PageView view(image);
@@ -36,10 +52,13 @@ void for_each_pending_page(const std::byte* image, std::uint32_t page, std::uint
   std::uint32_t last = index_of(storage::kNoPage);
   for (std::uint32_t at = node; at != storage::kNoParent; at = nodes[at].parent) {
     const storage::Node<N>& n = nodes[at];
-    const std::uint64_t word = stack.words[n.level / kLevelsPerWord];
+    const std::uint64_t word = ray.stack.words[n.level / kLevelsPerWord];
     const auto mask = static_cast<unsigned>(word >> (n.level % kLevelsPerWord * N)) & n.valid;
     for (unsigned pending = mask; pending != 0; pending &= pending - 1) {
       const auto slot = static_cast<unsigned>(std::countr_zero(pending));
+      if (ray.has_hit && beyond_hit(n, slot, ray)) {
+        continue;
+      }
       const std::uint32_t there = (n.external >> slot & 1) != 0 ? externals[n.child[slot]].page : page;
       if (there != last) {
         visit(there);

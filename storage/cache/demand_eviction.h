@@ -1,10 +1,16 @@
 // The least future demand: waiting rays say, by the children that they still have to visit, where they go next, so the
 // page that the fewest of them name goes. What Belady's rule does with the whole future, this does with the part that
-// is known. Among equals the clock's choice: those not entered since the hand last passed.
+// is known. Rays that run on through resident pages name none before they wait; what those enter is told by the clock.
 //
-// Not all frames are looked at but kLooked pages that may go, from the hand on: the least of so many is among the
-// lowest few percent of all, at a cost that does not grow with the memory. Thread-confined.
+//   frames --the hand, those not entered since it last passed--> pool of kPool --the least future demand--> gone
+//                                                                  |
+//                                               entered or wanted: back among the others
+//
+// The larger the pool, the better the choice and the longer a page has to be entered again; kPool bounds the time that
+// a choice takes. Thread-confined.
 #pragma once
+
+#include <vector>
 
 #include "storage/cache/eviction.h"
 
@@ -12,13 +18,15 @@ namespace raymill::storage {
 
 class DemandEviction final : public Eviction {
  public:
-  static constexpr std::uint32_t kLooked = 64;
+  static constexpr std::uint32_t kPool = 256;
 
   std::optional<std::uint32_t> choose(std::span<const PageId> page_in_frame, const PageDemand& demand,
                                       std::atomic<std::uint8_t>* touched) override;
 
  private:
   std::uint32_t hand_ = 0;
+  std::vector<std::uint32_t> pool_;  // frames, the longest there first
+  std::vector<bool> in_pool_;        // [frame]
 };
 
 }  // namespace raymill::storage

@@ -13,7 +13,7 @@ constexpr std::size_t kMostResting = 16;
 
 std::uint64_t PageCache::table_bytes(std::uint32_t page_count, std::uint32_t frame_count) {
   constexpr std::uint64_t kPerPage = sizeof(std::atomic<const std::byte*>) + sizeof(std::atomic<std::uint8_t>) + 1;
-  constexpr std::uint64_t kPerFrame = sizeof(PageId) + sizeof(std::uint32_t) + sizeof(Resting);
+  constexpr std::uint64_t kPerFrame = sizeof(PageId) + sizeof(std::uint32_t) + sizeof(Resting) + 1;
   return page_count * kPerPage + frame_count * kPerFrame;
 }
 

@@ -65,18 +65,35 @@ TEST_F(EvictionTest, FramesWithoutAPageAreNotChosen) {
 
 class ManyFramesTest : public EvictionTest {
  protected:
-  static constexpr std::uint32_t kFrames = 10 * DemandEviction::kLooked;
+  static constexpr std::uint32_t kFrames = 10 * DemandEviction::kPool;
   ManyFramesTest() : EvictionTest(kFrames) {}
 };
 
-TEST_F(ManyFramesTest, DemandLooksAtAllOfThemInTurn) {
+TEST_F(ManyFramesTest, DemandChoosesAmongThoseThatTheHandFound) {
   const auto eviction = make_eviction(EvictionKind::demand);
   for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
-    future_[frame] = static_cast<std::int32_t>(frame % DemandEviction::kLooked);
+    future_[frame] = static_cast<std::int32_t>(kFrames - frame);
   }
-  for (std::uint32_t i = 0; i < 10; ++i) {
-    EXPECT_EQ(choose(*eviction), i * DemandEviction::kLooked);
-  }
+  EXPECT_EQ(choose(*eviction), DemandEviction::kPool - 1);
+  EXPECT_EQ(choose(*eviction), DemandEviction::kPool) << "the hand has put one more there";
+  touched_[DemandEviction::kPool + 1] = 1;
+  EXPECT_EQ(choose(*eviction), DemandEviction::kPool + 2) << "what was entered lately is passed by";
+}
+
+TEST_F(ManyFramesTest, PageOfThePoolThatIsEnteredIsSpared) {
+  const auto eviction = make_eviction(EvictionKind::demand);
+  EXPECT_EQ(choose(*eviction), 0u) << "among equals the one that is there longest";
+  touched_[1] = 1;
+  waiting_[2] = 1;
+  EXPECT_EQ(choose(*eviction), 3u);
+}
+
+TEST_F(ManyFramesTest, TheLastPageThatMayGoIsFound) {
+  const auto eviction = make_eviction(EvictionKind::demand);
+  waiting_.assign(kFrames, 1);
+  waiting_[kFrames - 2] = 0;
+  touched_[kFrames - 2] = 1;
+  EXPECT_EQ(choose(*eviction), kFrames - 2);
 }
 
 }  // namespace
