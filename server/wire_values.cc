@@ -40,6 +40,7 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_idle_seconds(stats.idle_seconds);
   wire.set_most_in_flight(stats.most_in_flight);
   wire.set_policy(utf8_or_question_marks(stats.policy));
+  wire.set_eviction(utf8_or_question_marks(stats.eviction));
   wire.mutable_peak_bytes_by_tag()->insert(stats.peak_bytes_by_tag.begin(), stats.peak_bytes_by_tag.end());
   return wire;
 }
@@ -69,6 +70,7 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.idle_seconds = wire.idle_seconds();
   stats.most_in_flight = wire.most_in_flight();
   stats.policy = wire.policy();
+  stats.eviction = wire.eviction();
   stats.peak_bytes_by_tag.insert(wire.peak_bytes_by_tag().begin(), wire.peak_bytes_by_tag().end());
   return stats;
 }

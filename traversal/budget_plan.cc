@@ -7,6 +7,7 @@
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
 #include "storage/pages/codec.h"
+#include "traversal/future_demand.h"
 #include "traversal/page_scheduler.h"
 #include "traversal/store_tracer.h"
 
@@ -41,17 +42,19 @@ constexpr std::size_t kLeastExtentBytes = 32 << 10;
 constexpr std::size_t kMostExtentBytes = 512 << 10;
 constexpr std::uint32_t kMostGroupPages = 4096;
 
-std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, const BudgetPlan& plan) {
+std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs,
+                           const BudgetPlan& plan) {
   const std::uint64_t worker =
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
-  return PageScheduler::bytes(store.page_count()) + GroupTurns::bytes(store.page_count(), plan.group_pages) +
-         storage::PageDecoder::process_bytes(store.codec()) + (plan.read_depth + 1) * kThreadBytes +
-         WaitingRays::transfer_bytes(plan.extent_bytes) + threads * worker;
+  return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
+         GroupTurns::bytes(store.page_count(), plan.group_pages) + storage::PageDecoder::process_bytes(store.codec()) +
+         (plan.read_depth + 1) * kThreadBytes + WaitingRays::transfer_bytes(plan.extent_bytes) + threads * worker;
 }
 
 // What does not depend on frames and jobs.
-std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, const BudgetPlan& plan) {
-  return worker_bytes(store, threads, plan) + storage::page_reader_bytes(store, plan.read_depth);
+std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs,
+                          const BudgetPlan& plan) {
+  return worker_bytes(store, threads, max_jobs, plan) + storage::page_reader_bytes(store, plan.read_depth);
 }
 
 std::uint32_t least_frames(unsigned threads, unsigned depth) { return threads + depth + 2; }
@@ -116,7 +119,7 @@ std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned thread
   least.read_depth = kLeastReadDepth;
   least.group_pages = group_pages(frames);
   least.extent_bytes = kLeastExtentBytes;
-  return fixed_bytes(store, threads, least) + frame_cost(store, frames) +
+  return fixed_bytes(store, threads, max_jobs, least) + frame_cost(store, frames) +
          max_jobs * job_bytes_for(kLeastChunks, least, store.page_count());
 }
 
@@ -134,7 +137,7 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   };
   const auto least_count = [&] { return std::min(store.page_count(), least_frames(share.threads, plan.read_depth)); };
   const auto fits = [&](unsigned frame_factor) {
-    return jobs(kLeastChunks) + fixed_bytes(store, share.threads, plan) +
+    return jobs(kLeastChunks) + fixed_bytes(store, share.threads, share.max_jobs, plan) +
                frame_factor * frame_cost(store, least_count()) <=
            share.bytes;
   };
@@ -148,14 +151,14 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
     --plan.read_depth;
   }
   const std::uint64_t tables = storage::PageCache::table_bytes(store.page_count(), 0);
-  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, plan) - tables;
+  const std::uint64_t rest = share.bytes - fixed_bytes(store, share.threads, share.max_jobs, plan) - tables;
   const std::uint64_t per_frame = frame_cost(store, 1) - tables;
   std::uint64_t page_bytes = std::max(rest - rest / 4, rest - std::min(rest, jobs(kMostChunks)));
   page_bytes = std::min(page_bytes, rest - std::min(rest, jobs(kLeastChunks)));
   plan.frame_count = static_cast<std::uint32_t>(
       std::min<std::uint64_t>(store.page_count(), std::max<std::uint64_t>(page_bytes / per_frame, least_count())));
   plan.group_pages = group_pages(plan.frame_count);
-  plan.worker_bytes = worker_bytes(store, share.threads, plan);
+  plan.worker_bytes = worker_bytes(store, share.threads, share.max_jobs, plan);
   plan.job_bytes = (rest - plan.frame_count * per_frame) / share.max_jobs;
   return plan;
 }

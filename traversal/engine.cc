@@ -88,6 +88,7 @@ class Engine::Impl {
   struct Choices {
     traversal::Isa isa;
     traversal::ReadOrder read_order;
+    storage::EvictionKind eviction;
     storage::ReaderKind io;
     unsigned threads;
   };
@@ -125,6 +126,9 @@ class Engine::Impl {
     config.share = {ledger_.free_bytes() / (config_.max_stores - open_.size()), choices_.threads, config_.max_jobs};
     config.isa = choices_.isa;
     config.read_order = choices_.read_order;
+    config.eviction = choices_.eviction;
+    config.adversarial = config_.adversarial;
+    config.page_trace = config_.page_trace;
     config.io = choices_.io;
     config.spill_directory = spill_directory(config_.spill_directory);
     config.timeline = config_.timeline;
@@ -195,13 +199,14 @@ Engine::~Engine() = default;
 Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const traversal::Isa isa, choose_isa(config.isa));
   RAYMILL_ASSIGN_OR_RETURN(const traversal::ReadOrder read_order, traversal::parse_read_order(config.policy));
+  RAYMILL_ASSIGN_OR_RETURN(const storage::EvictionKind eviction, storage::parse_eviction(config.eviction));
   RAYMILL_ASSIGN_OR_RETURN(const storage::ReaderKind io, storage::parse_reader_kind(config.io));
   const unsigned threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   if (threads > traversal::kMostThreads || config.max_jobs == 0 || config.max_stores == 0) {
     return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostThreads) +
                                              " threads, and at least one job and one store"};
   }
-  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, io, threads});
+  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, eviction, io, threads});
   RAYMILL_RETURN_IF_ERROR(impl->claim_base());
   return std::unique_ptr<Engine>(new Engine(std::move(impl)));
 }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "storage/base/ledger.h"
+#include "traversal/page_trace.h"
 #include "traversal/service.h"
 #include "traversal/timeline.h"
 
@@ -19,11 +20,17 @@ struct EngineConfig {
   /// Which page is read next: "score" (most rays for each byte), "most-rays", "fifo" (longest wanted) or "sweep" (in
   /// the file's order). No answer depends on it.
   std::string policy = "score";
+  /// Which page goes for it: "demand" (the one that the fewest waiting rays will still ask for) or "clock" (one that
+  /// was not entered lately). No answer depends on it.
+  std::string eviction = "demand";
   std::string io = "auto";  ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
   unsigned max_jobs = 1;    ///< jobs at once; each gets its share of the ray memory
   unsigned max_stores = 1;  ///< stores open at once; each gets its share of the page memory
-  std::shared_ptr<Timeline> timeline = {};  ///< records what workers and reads do; finish() it after the jobs
-  std::string spill_directory = {};         ///< for results that wait; empty: TMPDIR, else /tmp
+  /// For tests: every ray suspends at every node, and a page is evicted when a batch has run there. Slow beyond use.
+  bool adversarial = false;
+  std::shared_ptr<PageTrace> page_trace = {};  ///< records the pages of the first store; finish() it after the jobs
+  std::shared_ptr<Timeline> timeline = {};     ///< records what workers and reads do; finish() it after the jobs
+  std::string spill_directory = {};            ///< for results that wait; empty: TMPDIR, else /tmp
 };
 
 /// Thread-safe. Stores and jobs keep what they need of the engine alive.

@@ -248,6 +248,7 @@ JobStats EngineJob::stats() const {
   stats.idle_seconds = tracer_->stats_.idle_seconds;
   stats.most_in_flight = job_->most_in_flight;
   stats.policy = to_string(tracer_->config_.read_order);
+  stats.eviction = to_string(tracer_->config_.eviction);
   stats.peak_bytes_by_tag = tracer_->ledger_.peaks();
   stats.result_spill_bytes = job_->window->spilled_bytes();
   stats.ray_spill_bytes = job_->waiting->spilled_bytes();

@@ -81,6 +81,14 @@ void PageScheduler::arrived(storage::PageId page, bool resident) {
   }
 }
 
+void PageScheduler::dropped(storage::PageId page) {
+  const std::uint32_t i = index_of(page);
+  is_ready_[i] = false;
+  if (demand_[i] > 0) {
+    want(i);
+  }
+}
+
 std::optional<storage::PageId> PageScheduler::take_ready() {
   while (!ready_.empty()) {
     const std::uint32_t page = ready_.front();

@@ -40,6 +40,8 @@ class PageScheduler {
   void reading(storage::PageId page);
   /// The page came in, or could not be read and is a candidate again.
   void arrived(storage::PageId page, bool resident);
+  /// The page was evicted although rays wait there.
+  void dropped(storage::PageId page);
 
   [[nodiscard]] bool has_ready() const { return !ready_.empty(); }
   /// A resident page with rays waiting; it leaves the list.

@@ -36,6 +36,13 @@ enum class Resume : std::uint8_t {
   backtrack = 1,  ///< go on with the bitstack, from this node upward
 };
 
+/// The node that a ray left for one that is not there. The image stays as long as the kernel's pages do.
+struct LeftNode {
+  const std::byte* image = nullptr;  ///< none: the ray has not moved
+  std::uint32_t page = 0;
+  std::uint16_t node = 0;
+};
+
 struct RayState {
   std::array<float, 3> org{};
   std::array<float, 3> dir{};
@@ -49,6 +56,7 @@ struct RayState {
   std::uint8_t level = 0;  ///< that the node must have
   bool has_hit = false;
   bool done = false;
+  LeftNode left;
   Hit hit;  ///< the nearest so far
 };
 

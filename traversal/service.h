@@ -91,6 +91,7 @@ struct JobStats {
   std::string kernel;                                      ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
   std::map<std::string, std::uint64_t> peak_bytes_by_tag;  ///< of the claims on the budget
   std::string policy;                                      ///< which page was read next: "score", ...
+  std::string eviction;                                    ///< which page went for it: "clock", "demand"
   std::string io;                                          ///< e.g. "io_uring/direct"
   std::string io_note;                                     ///< why reads are not direct, where they are not
 };

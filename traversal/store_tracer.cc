@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
+#include <optional>
 
 #include "storage/pages/codec.h"
 #include "traversal/engine_job.h"
+#include "traversal/lone_page.h"
 #include "traversal/simd/float_mode.h"
 #include "traversal/trace_job.h"
 
@@ -37,8 +39,14 @@ Field kept_fields(const TraceConfig& config) {
 
 // What a worker owns.
 struct StoreTracer::Worker {
-  Worker(unsigned index_in, const storage::StoreFile& file)
+  Worker(unsigned index_in, const storage::StoreFile& file, const Config& config)
       : index(index_in), decoder(file.rules(), file.positions(), file.codec()) {
+    if (config.adversarial) {
+      lone_page.emplace(file.rules());
+    }
+    if (config.page_trace) {
+      page_lane.emplace(config.page_trace, file.page_count());
+    }
     rays.reserve(kBatchRays + kBatchSlack);
     parked.reserve(kBatchRays + kBatchSlack);
   }
@@ -46,6 +54,8 @@ struct StoreTracer::Worker {
   storage::PageDecoder decoder;
   std::vector<RayState> rays;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> parked;  // page, index in rays
+  std::optional<LonePage> lone_page;
+  std::optional<PageTrace::Lane> page_lane;
 };
 
 Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const storage::StoreFile> file,
@@ -63,13 +73,23 @@ StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const C
       was_read_(file_->page_count()) {}
 
 Status StoreTracer::init() {
-  RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, config_.share));
+  StoreShare share = config_.share;
+  share.bytes -= std::min(share.bytes, aside_bytes());
+  RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
   const unsigned threads = config_.share.threads;
   storage::PageCache::Config cache{file_->page_count(), file_->header().page_bytes, plan_.frame_count, threads};
+  cache.eviction = config_.eviction;
+  if (const auto& trace = config_.page_trace) {
+    RAYMILL_RETURN_IF_ERROR(trace->begin(file_->page_count(), plan_.frame_count));
+    cache.on_evict = [trace](storage::PageId page) { trace->add(PageTrace::Event::evict, index_of(page)); };
+  }
+  if (config_.eviction == storage::EvictionKind::demand) {
+    future_demand_ = std::make_shared<FutureDemand>(file_->page_count(), file_->rules().width);
+  }
   RAYMILL_ASSIGN_OR_RETURN(cache_, storage::PageCache::create(cache, ledger_));
   RAYMILL_ASSIGN_OR_RETURN(reader_, storage::make_page_reader(file_, config_.io, plan_.read_depth, ledger_,
                                                               [this](storage::PageArrival a) { on_arrival(a); }));
-  RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes));
+  RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes + aside_bytes()));
   turns_ = make_turns();
   spiller_ = std::make_unique<RaySpiller>(*this, plan_.extent_bytes);
   for (unsigned i = 0; i < threads; ++i) {
@@ -79,6 +99,13 @@ Status StoreTracer::init() {
     threads_.emplace_back([this, i] { work(i); });
   }
   return {};
+}
+
+// Of what only tests and recordings have.
+std::uint64_t StoreTracer::aside_bytes() const {
+  const std::uint64_t worker = (config_.adversarial ? LonePage::bytes(file_->rules()) : 0) +
+                               (config_.page_trace ? PageTrace::Lane::bytes(file_->page_count()) : 0);
+  return config_.share.threads * worker;
 }
 
 StoreTracer::~StoreTracer() {
@@ -109,6 +136,9 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
                       (choice.wide_stack ? "128" : "64") + "/" + std::string(to_string(config.mode)) + "/" +
                       std::string(to_string(config_.isa));
+  if (future_demand_) {
+    setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
+  }
 
   const HitLayout row(setup.config.fields);
   JobPlan plan = plan_job(plan_, rules.page_count, row);
@@ -136,7 +166,7 @@ PageState StoreTracer::state_of(storage::PageId page) const {
 
 void StoreTracer::work(unsigned index) {
   const IeeeScope ieee;
-  Worker worker(index, *file_);
+  Worker worker(index, *file_, config_);
   std::unique_lock lock(mutex_);
   while (true) {
     wait_for_work(lock);
@@ -238,10 +268,14 @@ std::optional<storage::PageId> StoreTracer::page_to_read() {
   return page ? std::optional(storage::PageId{*page}) : std::nullopt;
 }
 
+storage::PageDemand StoreTracer::page_demand() const {
+  return {scheduler_.demand(), future_demand_ ? future_demand_->counts() : std::span<const FutureDemand::Count>()};
+}
+
 void StoreTracer::pump_reads() {
   while (readings_.size() < plan_.read_depth && scheduler_.wanted_count() > 0) {
     const auto page = page_to_read();
-    const auto lease = page ? cache_->begin_read(*page, scheduler_.demand()) : std::nullopt;
+    const auto lease = page ? cache_->begin_read(*page, page_demand()) : std::nullopt;
     if (!lease) {
       break;
     }
@@ -292,6 +326,9 @@ void StoreTracer::handle_arrival(Worker& worker, std::unique_lock<std::mutex>& l
     was_read_[index_of(arrival.page)] = true;
     ++stats_.distinct_pages;
     stats_.distinct_bytes += encoded_bytes;
+  }
+  if (config_.page_trace) {
+    config_.page_trace->add(PageTrace::Event::read, index_of(arrival.page));
   }
   if (status.ok()) {
     cache_->publish(lease);
@@ -345,6 +382,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   }
   ++job->batches_out;
   storage::PagePin pin = cache_->pin(worker.index);
+  const std::byte* image = cache_->find(page);
   lock.unlock();
 
   const auto begin = Timeline::Clock::now();
@@ -355,11 +393,23 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
     pool.layout().unpack(record, ray);
     ray.page = index_of(page);
   });
+  if (job->future_demand) {
+    job->future_demand->taken_up(worker.rays, image);
+  }
   KernelContext context;
-  context.images = cache_->images();
-  context.touched = cache_->touched();
+  context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
+  context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
   context.need_normal = has(job->config.fields, Field::normal);
   job->kernel(context, worker.rays);
+  if (worker.lone_page) {
+    worker.lone_page->settle(worker.rays, image);
+  }
+  if (worker.page_lane) {
+    worker.page_lane->end_batch(index_of(page), cache_->touched());
+  }
+  if (job->future_demand) {
+    job->future_demand->put_back(worker.rays, index_of(page), image);
+  }
   pin.release();
   worker.parked.clear();
   for (std::uint32_t i = 0; i < worker.rays.size(); ++i) {
@@ -391,6 +441,10 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   }
   if (!job->status.ok()) {
     remove_job(*job);
+  }
+  if (config_.adversarial && cache_->resident(page)) {
+    cache_->drop(page);
+    scheduler_.dropped(page);
   }
   unstall();
   // Waking costs more than a small batch: only where whoever waits can go on.

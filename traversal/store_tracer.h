@@ -28,9 +28,11 @@
 #include "storage/io/page_reader.h"
 #include "storage/io/store_file.h"
 #include "traversal/budget_plan.h"
+#include "traversal/future_demand.h"
 #include "traversal/group_turns.h"
 #include "traversal/kernel.h"
 #include "traversal/page_scheduler.h"
+#include "traversal/page_trace.h"
 #include "traversal/ray_spiller.h"
 #include "traversal/service.h"
 #include "traversal/timeline.h"
@@ -54,6 +56,9 @@ class StoreTracer {
     StoreShare share;
     Isa isa = Isa::scalar;
     ReadOrder read_order = ReadOrder::score;
+    storage::EvictionKind eviction = storage::EvictionKind::clock;
+    bool adversarial = false;
+    std::shared_ptr<PageTrace> page_trace;  ///< none: nothing is recorded
     storage::ReaderKind io = storage::ReaderKind::automatic;
     std::string spill_directory;
     std::shared_ptr<Timeline> timeline;  ///< none: nothing is recorded
@@ -83,6 +88,7 @@ class StoreTracer {
 
   StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger);
   Status init();
+  [[nodiscard]] std::uint64_t aside_bytes() const;
 
   void work(unsigned index);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
@@ -93,6 +99,7 @@ class StoreTracer {
   [[nodiscard]] bool more_rays_come() const;
   [[nodiscard]] std::optional<storage::PageId> page_to_read();
   std::unique_ptr<GroupTurns> make_turns() const;
+  [[nodiscard]] storage::PageDemand page_demand() const;
   void pump_reads();
   [[nodiscard]] std::uint32_t low_water(const TraceJob& job) const;
   [[nodiscard]] bool has_room(const TraceJob& job) const;
@@ -109,6 +116,7 @@ class StoreTracer {
   storage::BudgetReservation workers_claim_;
   BudgetPlan plan_;
   std::unique_ptr<storage::PageCache> cache_;
+  std::shared_ptr<FutureDemand> future_demand_;  // none: eviction does not ask for it
 
   std::mutex mutex_;
   std::condition_variable work_wake_;  // workers: something to do

@@ -10,6 +10,7 @@ TraceJob::TraceJob(Setup setup)
       kernel(setup.kernel),
       kernel_name(std::move(setup.kernel_name)),
       most_in_flight(setup.most_in_flight),
+      future_demand(std::move(setup.future_demand)),
       waiting(std::move(setup.waiting)),
       window(std::move(setup.window)) {}
 

@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 
+#include "traversal/future_demand.h"
 #include "traversal/kernel.h"
 #include "traversal/result_window.h"
 #include "traversal/service.h"
@@ -28,6 +29,7 @@ class TraceJob {
     std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
     std::uint64_t most_in_flight = 0;
+    std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
   };
   explicit TraceJob(Setup setup);
 
@@ -39,6 +41,7 @@ class TraceJob {
   const Kernel kernel;
   const std::string kernel_name;
   const std::uint64_t most_in_flight;
+  const std::unique_ptr<FutureDemand::Share> future_demand;
 
   // Under the tracer's mutex.
   std::unique_ptr<WaitingRays> waiting;

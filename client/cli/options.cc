@@ -25,12 +25,25 @@ void ServiceOptions::add_to(CLI::App& app) {
          "--policy", policy,
          "Which page is read next: score (most rays for each byte), most-rays, fifo or sweep. No answer depends "
          "on it. Default score")
-      ->type_name("NAME");
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"score", "most-rays", "fifo", "sweep"}));
+  app.add_option(
+         "--eviction", eviction,
+         "Which page goes for it: demand (the one that the fewest waiting rays will still ask for) or clock (one "
+         "that was not entered lately). No answer depends on it. Default " +
+             eviction)
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"clock", "demand"}));
+  app.add_flag("--adversarial", adversarial,
+               "For tests: every ray suspends at every node, and a page is evicted when a batch has run there");
   add_io_option(app, io);
   app.add_option("--server", server, "Trace on this server instead (ipc://PATH or tcp://HOST:PORT)")->type_name("ADDR");
   app.add_option("--trace", timeline_path,
                  "Write a timeline of reads, decoding and workers to this file; ui.perfetto.dev opens it")
       ->type_name("FILE.json");
+  app.add_option("--page-trace", page_trace_path,
+                 "Write which pages rays enter and which are read and evicted to this file (traversal/page_trace.h)")
+      ->type_name("FILE");
   app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
 }
 
@@ -47,14 +60,21 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
     config.threads = options.threads;
     config.isa = options.isa;
     config.policy = options.policy;
+    config.eviction = options.eviction;
+    config.adversarial = options.adversarial;
+    if (!options.page_trace_path.empty()) {
+      RAYMILL_ASSIGN_OR_RETURN(open.page_trace, PageTrace::create(options.page_trace_path));
+      config.page_trace = open.page_trace;
+    }
     if (!options.timeline_path.empty()) {
       RAYMILL_ASSIGN_OR_RETURN(open.timeline, Timeline::create(options.timeline_path));
       config.timeline = open.timeline;
     }
     config.io = options.io;
     RAYMILL_ASSIGN_OR_RETURN(open.service, Engine::create(config));
-  } else if (!options.timeline_path.empty()) {
-    return {ErrorCode::invalid_argument, "--trace records this process; with --server the work is done elsewhere"};
+  } else if (!options.timeline_path.empty() || !options.page_trace_path.empty()) {
+    return {ErrorCode::invalid_argument,
+            "--trace and --page-trace record this process; with --server the work is done elsewhere"};
   } else {
     RAYMILL_ASSIGN_OR_RETURN(open.service, Client::connect({.address = options.server}));
   }
@@ -140,6 +160,9 @@ Status write_json(storage::AtomicFile& file, const nlohmann::json& object) {
 }
 
 Status write_stats(const ServiceOptions& options, const OpenStore& open, const JobStats& stats, const RunTimes& times) {
+  if (open.page_trace) {
+    RAYMILL_RETURN_IF_ERROR(open.page_trace->finish());
+  }
   if (open.timeline) {
     RAYMILL_RETURN_IF_ERROR(open.timeline->finish());
   }

@@ -35,10 +35,13 @@ struct ServiceOptions {
   unsigned threads = 0;
   std::string isa;
   std::string policy = EngineConfig().policy;
+  std::string eviction = EngineConfig().eviction;
+  bool adversarial = false;
   std::string io = "auto";
   std::string server;
   std::string stats_path;
   std::string timeline_path;
+  std::string page_trace_path;
 
   void add_to(CLI::App& app);
   /// `threads`, with 0 resolved to this machine's cores.
@@ -47,7 +50,8 @@ struct ServiceOptions {
 
 /// An open store, the service that serves it, and how long opening took.
 struct OpenStore {
-  std::shared_ptr<Timeline> timeline;  ///< where one was asked for
+  std::shared_ptr<Timeline> timeline;     ///< where one was asked for
+  std::shared_ptr<PageTrace> page_trace;  ///< likewise
   std::unique_ptr<Service> service;
   std::shared_ptr<Store> store;
   double open_seconds = 0;

@@ -57,6 +57,7 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"idle_seconds", stats.idle_seconds},
           {"most_in_flight", stats.most_in_flight},
           {"policy", stats.policy},
+          {"eviction", stats.eviction},
           {"peak_bytes_by_tag", stats.peak_bytes_by_tag},
           {"peak_rss_bytes", stats.peak_rss_bytes},
           {"isa", stats.isa},

@@ -11,6 +11,7 @@ set(raymill_public_headers
   traversal/query.h
   traversal/service.h
   traversal/engine.h
+  traversal/page_trace.h
   traversal/timeline.h
   client/cpp/client.h
   client/cpp/raymill.h)

@@ -1,23 +1,26 @@
 #include "storage/cache/eviction.h"
 
+#include "storage/cache/clock_eviction.h"
+#include "storage/cache/demand_eviction.h"
+
 namespace raymill::storage {
 
-std::optional<std::uint32_t> ClockEviction::choose(const std::vector<PageId>& page_in_frame,
-                                                   std::span<const std::uint32_t> demand,
-                                                   std::atomic<std::uint8_t>* touched) {
-  const auto frames = static_cast<std::uint32_t>(page_in_frame.size());
-  for (std::uint32_t step = 0; step < 2 * frames; ++step) {
-    const std::uint32_t frame = hand_;
-    hand_ = hand_ + 1 == frames ? 0 : hand_ + 1;
-    const PageId page = page_in_frame[frame];
-    if (page == kNoPage || demand[index_of(page)] > 0) {
-      continue;
-    }
-    if (touched[index_of(page)].exchange(0, std::memory_order_relaxed) == 0) {
-      return frame;
+std::string_view to_string(EvictionKind kind) { return kind == EvictionKind::clock ? "clock" : "demand"; }
+
+Result<EvictionKind> parse_eviction(const std::string& name) {
+  for (const EvictionKind kind : {EvictionKind::clock, EvictionKind::demand}) {
+    if (name == to_string(kind)) {
+      return kind;
     }
   }
-  return std::nullopt;
+  return {ErrorCode::invalid_argument, "eviction '" + name + "' is none of clock and demand"};
+}
+
+std::unique_ptr<Eviction> make_eviction(EvictionKind kind) {
+  if (kind == EvictionKind::clock) {
+    return std::make_unique<ClockEviction>();
+  }
+  return std::make_unique<DemandEviction>();
 }
 
 }  // namespace raymill::storage

@@ -1,25 +1,44 @@
-// Which resident page goes: the clock. A hand sweeps the frames; a page that was entered since the hand last passed is
-// spared once; pages that rays wait for are never chosen. Thread-confined.
+// Eviction: which resident page goes when another must come. One small interface, one file for each policy. No answer
+// depends on it.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
-#include <vector>
+#include <string>
+#include <string_view>
 
+#include "storage/base/status.h"
 #include "storage/base/types.h"
 
 namespace raymill::storage {
 
-class ClockEviction {
- public:
-  /// The frame to give up, or empty when all are spared. Two sweeps at most: the first clears every mark.
-  std::optional<std::uint32_t> choose(const std::vector<PageId>& page_in_frame, std::span<const std::uint32_t> demand,
-                                      std::atomic<std::uint8_t>* touched);
-
- private:
-  std::uint32_t hand_ = 0;
+enum class EvictionKind : std::uint8_t {
+  clock,   ///< a page that was not entered since the clock's hand last passed
+  demand,  ///< the page that the fewest waiting rays will still ask for
 };
+std::string_view to_string(EvictionKind kind);
+/// "clock", "demand". Errors: invalid_argument.
+Result<EvictionKind> parse_eviction(const std::string& name);
+
+/// Who asks for a page. [page_count] each.
+struct PageDemand {
+  std::span<const std::uint32_t> waiting;             ///< rays that wait for the page: it stays
+  std::span<const std::atomic<std::int32_t>> future;  ///< of waiting rays, how many come there later; empty: not known
+};
+
+/// Thread-confined (the owner's lock).
+class Eviction {
+ public:
+  virtual ~Eviction() = default;
+  /// The frame to give up, or empty when every page is wanted. `page_in_frame`: kNoPage where there is none.
+  /// `touched[page]`: entered since it was last cleared here.
+  virtual std::optional<std::uint32_t> choose(std::span<const PageId> page_in_frame, const PageDemand& demand,
+                                              std::atomic<std::uint8_t>* touched) = 0;
+};
+
+std::unique_ptr<Eviction> make_eviction(EvictionKind kind);
 
 }  // namespace raymill::storage

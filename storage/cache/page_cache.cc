@@ -13,7 +13,7 @@ constexpr std::size_t kMostResting = 16;
 
 std::uint64_t PageCache::table_bytes(std::uint32_t page_count, std::uint32_t frame_count) {
   constexpr std::uint64_t kPerPage = sizeof(std::atomic<const std::byte*>) + sizeof(std::atomic<std::uint8_t>) + 1;
-  constexpr std::uint64_t kPerFrame = sizeof(PageId) + sizeof(std::uint32_t) + sizeof(Resting);
+  constexpr std::uint64_t kPerFrame = sizeof(PageId) + sizeof(std::uint32_t) + sizeof(Resting) + 1;
   return page_count * kPerPage + frame_count * kPerFrame;
 }
 
@@ -39,7 +39,8 @@ PageCache::PageCache(const Config& config)
       touched_(new std::atomic<std::uint8_t>[config.page_count]()),
       states_(config.page_count, State::absent),
       page_in_frame_(config.frame_count, kNoPage),
-      pin_epochs_(new std::atomic<std::uint64_t>[config.pin_slots]) {
+      pin_epochs_(new std::atomic<std::uint64_t>[config.pin_slots]),
+      eviction_(make_eviction(config.eviction)) {
   for (std::uint32_t frame = config.frame_count; frame-- > 0;) {
     free_frames_.push_back(frame);
   }
@@ -67,6 +68,15 @@ void PageCache::evict(std::uint32_t frame) {
   page_in_frame_[frame] = kNoPage;
   states_[index_of(page)] = State::absent;
   ++evictions_;
+  if (config_.on_evict) {
+    config_.on_evict(page);
+  }
+}
+
+void PageCache::drop(PageId page) {
+  const auto at = std::find(page_in_frame_.begin(), page_in_frame_.end(), page);
+  assert(at != page_in_frame_.end());
+  evict(static_cast<std::uint32_t>(at - page_in_frame_.begin()));
 }
 
 void PageCache::reclaim() {
@@ -93,13 +103,13 @@ bool PageCache::has_free_frame() {
   return !free_frames_.empty();
 }
 
-std::optional<FrameLease> PageCache::begin_read(PageId page, std::span<const std::uint32_t> demand) {
+std::optional<FrameLease> PageCache::begin_read(PageId page, const PageDemand& demand) {
   assert(states_[index_of(page)] == State::absent);
   // Frames rest until the pins of the moment are gone; a few rest at once, so that reads keep coming.
   const std::size_t most_resting =
       std::min<std::size_t>(kMostResting, std::max<std::uint32_t>(1, config_.frame_count / 4));
   if (!has_free_frame() && resting_.size() < most_resting) {
-    const auto victim = eviction_.choose(page_in_frame_, demand, touched_.get());
+    const auto victim = eviction_->choose(page_in_frame_, demand, touched_.get());
     if (victim) {
       evict(*victim);
       reclaim();

@@ -14,6 +14,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -71,6 +72,8 @@ class PageCache {
     std::uint32_t page_bytes = 0;
     std::uint32_t frame_count = 0;
     unsigned pin_slots = 0;  ///< threads that may hold a PagePin
+    EvictionKind eviction = EvictionKind::clock;
+    std::function<void(PageId)> on_evict = {};  ///< told of each page that goes; none: nobody
   };
 
   /// Claims frames (Tag::pages) and tables (Tag::directory). Errors: budget_exceeded.
@@ -96,10 +99,12 @@ class PageCache {
   /// Whether begin_read could succeed without an eviction.
   [[nodiscard]] bool has_free_frame();
   /// Takes a frame for an absent page, by evicting if need be; empty when every page is wanted or still pinned.
-  /// `demand[page]` counts the rays that wait for a page; a resident page with demand is never evicted.
-  std::optional<FrameLease> begin_read(PageId page, std::span<const std::uint32_t> demand);
+  /// A resident page that rays wait for is never evicted.
+  std::optional<FrameLease> begin_read(PageId page, const PageDemand& demand);
   void publish(const FrameLease& lease);
   void abandon(const FrameLease& lease);
+  /// Evicts a resident page, whoever wants it. Looks at every frame: for tests.
+  void drop(PageId page);
 
   [[nodiscard]] std::uint32_t frame_count() const { return config_.frame_count; }
   [[nodiscard]] std::uint64_t evictions() const { return evictions_; }
@@ -126,7 +131,7 @@ class PageCache {
   std::vector<Resting> resting_;
   std::unique_ptr<std::atomic<std::uint64_t>[]> pin_epochs_;
   std::atomic<std::uint64_t> epoch_{0};
-  ClockEviction eviction_;
+  const std::unique_ptr<Eviction> eviction_;
   std::uint64_t evictions_ = 0;
 };
 

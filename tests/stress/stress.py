@@ -4,8 +4,9 @@
 
 Each seed chooses a generated scene (kind, 10 k to 1 M triangles), how it is built (width, page size, codec, positions),
 a batch of rays (kind, count, order), a query, and a few ways to trace it: threads, memory from the least that the store
-needs to all of it, how pages are read, instruction set, and whatever policies the program offers. The first trace is in
-core, of one thread; the others must give the same bytes. Peaks (--stats and wait4) must lie within --memory; as root
+needs to all of it, how pages are read, instruction set, and whatever policies the program offers; where the rays are few,
+half of the runs have the adversarial schedule, which suspends each ray at every node and evicts a page after each batch.
+The first trace is in core, of one thread; the others must give the same bytes. Peaks (--stats and wait4) must lie within --memory; as root
 some runs are in a memory cgroup of that size too. Any other end than 0, and a run that takes too long, is a failure.
 
 A failure prints the command that repeats its seed and keeps its files. Ends with "N seeds run, F failures".
@@ -37,7 +38,9 @@ FIELDS = ["t", "t,uv,primitive_id,geometry_id", "ids", "normal", "all"]
 HANG_SECONDS = 600
 IN_CORE_BYTES = 4 << 30
 # Where --policy and the like exist, `raymill trace --help` lists their values as NAME:{a,b,c}.
-POLICY_OPTIONS = ["--policy", "--eviction", "--schedule"]
+POLICY_OPTIONS = ["--policy", "--eviction"]
+# The adversarial schedule reads a page for each few nodes: only small lots get it.
+MOST_ADVERSARIAL_RAYS = 1000
 
 
 def choices(raymill, option):
@@ -67,7 +70,8 @@ class Lot:
         if query == "closest":
             self.query += ["--fields", draw.choice(FIELDS)]
         self.runs = [{"threads": draw.randint(1, 4), "share": draw.choice([0, 0, draw.random(), 1]),
-                      "cgroup": draw.random() < 0.4} for _ in range(3 if short else 5)]
+                      "cgroup": draw.random() < 0.4, "adversarial": draw.random() < 0.5}
+                     for _ in range(3 if short else 5)]
 
     def scene(self):
         return [self.scene_kind, "--triangles", str(self.triangles), "--seed", str(self.scene_seed)]
@@ -122,6 +126,7 @@ class Stress:
 
     def budgeted(self, folder, lot, run, decoded, digest):
         options = ["--threads", str(run["threads"])]
+        adversarial = run["adversarial"] and int(lot.rays[3]) <= MOST_ADVERSARIAL_RAYS
         for option, values in self.ways.items():
             value = lot.random.choice(values)
             if (option, value) not in self.refused:
@@ -135,7 +140,8 @@ class Stress:
             if run["cgroup"] and self.cgroup_refusal is None:
                 cgroup = MemoryCgroup.create(memory)
             try:
-                done = self.start(folder, "hits.npy", [*options, "--memory", memory], lot, cgroup)
+                flags = ["--adversarial"] if adversarial else []
+                done = self.start(folder, "hits.npy", [*options, *flags, "--memory", memory], lot, cgroup)
             finally:
                 if cgroup is not None:
                     cgroup.close()

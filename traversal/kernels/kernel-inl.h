@@ -129,6 +129,9 @@ class Tracer {
   // Makes the page of the next node current; false: it is not resident, the ray waits for it.
   bool enter_page(std::uint32_t page, std::uint32_t node) {
     const std::byte* image = context_.images[page].load(std::memory_order_acquire);
+    if (image == nullptr) {
+      ray_.left = {image_, ray_.page, static_cast<std::uint16_t>(at_)};
+    }
     ray_.page = page;
     ray_.node = static_cast<std::uint16_t>(node);
     if (image == nullptr) {

@@ -23,7 +23,7 @@ class PageCacheTest : public testing::Test {
   }
   // Reads a page in, as far as the cache lets it.
   bool bring(std::uint32_t page) {
-    const auto lease = cache_->begin_read(PageId{page}, demand_);
+    const auto lease = cache_->begin_read(PageId{page}, {demand_, {}});
     if (!lease) {
       return false;
     }
@@ -51,7 +51,7 @@ TEST_F(PageCacheTest, PublishedPageIsFoundWithItsBytes) {
 
 TEST_F(PageCacheTest, PageThatIsBeingReadIsNotFoundAndAbandonedFramesComeBack) {
   make(4, 1);
-  const auto lease = cache_->begin_read(PageId{1}, demand_);
+  const auto lease = cache_->begin_read(PageId{1}, {demand_, {}});
   ASSERT_TRUE(lease);
   EXPECT_FALSE(resident(1));
   EXPECT_FALSE(cache_->absent(PageId{1}));
@@ -141,6 +141,35 @@ TEST_F(PageCacheTest, PageEnteredSinceTheLastSweepIsSparedOnce) {
   ASSERT_TRUE(bring(4));
   EXPECT_TRUE(resident(1));
   EXPECT_FALSE(resident(2));
+}
+
+TEST_F(PageCacheTest, DroppedPageGoesAlthoughItIsWantedAndItsFrameRests) {
+  make(4, 2);
+  ASSERT_TRUE(bring(1));
+  demand_[1] = 5;
+  PagePin pin = cache_->pin(0);
+  const std::byte* image = cache_->find(PageId{1});
+  cache_->drop(PageId{1});
+  EXPECT_TRUE(cache_->absent(PageId{1}));
+  EXPECT_FALSE(resident(1));
+  EXPECT_TRUE(bring(2));
+  EXPECT_FALSE(bring(3)) << "the other frame rests while the pin lives";
+  EXPECT_EQ(image[0], std::byte{1});
+  pin.release();
+  EXPECT_TRUE(bring(1));
+}
+
+TEST_F(PageCacheTest, EachPageThatGoesIsTold) {
+  std::vector<PageId> gone;
+  PageCache::Config config{8, kPageBytes, 2, 1};
+  config.on_evict = [&](PageId page) { gone.push_back(page); };
+  demand_.assign(8, 0);
+  cache_ = std::move(*PageCache::create(config, ledger_));
+  for (std::uint32_t page = 0; page < 3; ++page) {
+    ASSERT_TRUE(bring(page));
+  }
+  EXPECT_EQ(gone, std::vector<PageId>{PageId{0}});
+  EXPECT_EQ(cache_->evictions(), gone.size());
 }
 
 TEST_F(PageCacheTest, MemoryIsClaimedExactlyAndGivenBack) {
