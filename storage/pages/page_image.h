@@ -47,6 +47,9 @@ struct PageHeader {
   std::uint32_t reserved = 0;
 };
 static_assert(sizeof(PageHeader) == 64 && std::is_trivially_copyable_v<PageHeader>);
+/// Nodes come first, so a reference's target is known without a look at the header.
+constexpr std::uint32_t kNodesOffset = sizeof(PageHeader);
+static_assert(kNodesOffset % kPageAlignment == 0);
 
 /// What a child reference in another page names.
 enum class ExternalKind : std::uint8_t {
@@ -102,7 +105,7 @@ class PageView {
   [[nodiscard]] const PageHeader& header() const { return *reinterpret_cast<const PageHeader*>(image_); }
   template <int N>
   [[nodiscard]] const Node<N>* nodes() const {
-    return reinterpret_cast<const Node<N>*>(image_ + header().nodes_offset);
+    return reinterpret_cast<const Node<N>*>(image_ + kNodesOffset);
   }
   [[nodiscard]] const ExternalRef* externals() const { return at<ExternalRef>(header().externals_offset); }
   [[nodiscard]] const Vec3f* vertices() const { return at<Vec3f>(header().vertices_offset); }
