@@ -112,6 +112,10 @@ class PageView {
   /// Three corners for each triangle.
   [[nodiscard]] const std::uint16_t* indices() const { return at<std::uint16_t>(header().indices_offset); }
   [[nodiscard]] const std::uint32_t* primitive_ids() const { return at<std::uint32_t>(header().primitive_ids_offset); }
+  /// Where a triangle's geometry index stands, or something near where all triangles have one geometry.
+  [[nodiscard]] const std::byte* geometry_index(std::uint32_t triangle) const {
+    return image_ + header().geometry_indices_offset + std::uint64_t(triangle) * header().geometry_index_bytes;
+  }
   [[nodiscard]] std::uint32_t geometry_id(std::uint32_t triangle) const {
     const auto* table = at<std::uint32_t>(header().geometries_offset);
     switch (header().geometry_index_bytes) {

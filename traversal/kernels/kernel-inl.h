@@ -10,8 +10,8 @@
 // ancestors) stand in each page, so climbing never leaves it; while a ray is at work its lane remembers the nodes of
 // its path (lane-inl.h).
 //
-// Rays are interleaved, for a step's memory is the next one's wait: each of kLanes rays makes one step of a kind, asks
-// for what its next step reads, and waits its turn in the list of that step.
+// Rays are interleaved, for a step's memory is the next one's wait: each of kLanes rays makes one step, asks for what
+// its next step reads, and waits its turn in the list of that step.
 //
 //        +------------------------------- advance ------------------------------+
 //        |             |                          |                             |
@@ -62,7 +62,8 @@ unsigned first_slot(const Node<N>& node, unsigned octant, unsigned mask) {
 
 // The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar], and where it begins.
 template <int N>
-unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar, std::array<float, N>& entries) {
+[[gnu::always_inline]] inline unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar,
+                                                  std::array<float, N>& entries) {
   auto interval = NearFar<N>::broadcast(tnear, std::numeric_limits<float>::infinity());
   for (int axis = 0; axis < 3; ++axis) {
     const float scale = std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23);
@@ -77,12 +78,17 @@ unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float
 
 inline void prefetch(const void* address) { __builtin_prefetch(address); }
 
-// Lanes whose next step is of one kind.
+/// What a ray does next.
+enum Step : unsigned { kVisit, kFetch, kFollow, kTest, kEnter, kReport, kStepCount };
+
+// Lanes by their next step.
 template <typename L, unsigned kCapacity>
-struct StepList {
-  std::array<L*, kCapacity> lanes;
-  unsigned count = 0;
-  void add(L* lane) { lanes[count++] = lane; }
+struct StepLists {
+  std::array<std::array<L*, kCapacity>, kStepCount> lanes;
+  std::array<unsigned, kStepCount> count{};
+
+  void add(unsigned step, L* lane) { lanes[step][count[step]++] = lane; }
+  [[nodiscard]] bool empty() const { return count == std::array<unsigned, kStepCount>{}; }
 };
 
 template <int N, bool Wide, Query kQuery, Mode kMode>
@@ -94,33 +100,35 @@ class Batch {
     for (RayLane& lane : lanes_) {
       take_ray(&lane);
     }
-    while (next_.steps() > 0) {
+    for (unsigned round = 0; !lists_[round & 1].empty(); ++round) {
       // What steps add is for the next round: their memory is on its way by then.
-      const Steps now = next_;
-      next_.clear();
-      each(now.visit, [this](RayLane* lane) { visit(lane); });
-      each(now.fetch, [this](RayLane* lane) { fetch(lane); });
-      each(now.test, [this](RayLane* lane) { test_leaf(lane); });
-      each(now.follow, [this](RayLane* lane) { follow(lane); });
-      each(now.enter, [this](RayLane* lane) { enter(lane); });
+      Lists& now = lists_[round & 1];
+      next_ = &lists_[(round + 1) & 1];
+      counters_.nodes_visited += now.count[kVisit];
+      each(now, kVisit, [this](RayLane* lane) { visit(lane); });
+      each(now, kFetch, [this](RayLane* lane) { fetch(lane); });
+      each(now, kTest, [this](RayLane* lane) { test_leaf(lane); });
+      each(now, kFollow, [this](RayLane* lane) { follow(lane); });
+      each(now, kEnter, [this](RayLane* lane) { enter(lane); });
+      each(now, kReport, [this](RayLane* lane) { report(lane); });
     }
+    context_.counters.nodes_visited += counters_.nodes_visited;
+    context_.counters.triangles_tested += counters_.triangles_tested;
   }
 
  private:
-  static constexpr unsigned kLanes = 24;
+  static constexpr unsigned kLanes = 24;  // speed.md: fewer wait for memory, more push each other out of the caches
+  static constexpr std::uint32_t kCornersBytes = 3 * sizeof(std::uint16_t);
+  static constexpr std::uint32_t kLineBytes = 64;  // neither a node nor a leaf's indices lie in more than two lines
   using RayLane = Lane<N, Wide>;
-  using List = StepList<RayLane, kLanes>;
-  struct Steps {
-    List visit, fetch, test, follow, enter;
-    [[nodiscard]] unsigned steps() const { return visit.count + fetch.count + test.count + follow.count + enter.count; }
-    void clear() { visit.count = fetch.count = test.count = follow.count = enter.count = 0; }
-  };
+  using Lists = StepLists<RayLane, kLanes>;
 
-  template <typename Step>
-  static void each(const List& list, Step&& step) {
-    for (unsigned i = 0; i < list.count; ++i) {
-      step(list.lanes[i]);
+  template <typename Do>
+  static void each(Lists& lists, Step step, Do&& make_step) {
+    for (unsigned i = 0; i < lists.count[step]; ++i) {
+      make_step(lists.lanes[step][i]);
     }
+    lists.count[step] = 0;
   }
 
   // A ray that is not done begins where it waited.
@@ -137,7 +145,19 @@ class Batch {
       }
     }
   }
+  // Nothing is pending any more.
   void finish(RayLane* lane) {
+    if (lane->hit_image == nullptr) {
+      report(lane);
+      return;
+    }
+    const PageView view(lane->hit_image);
+    prefetch(view.primitive_ids() + lane->hit_triangle);
+    prefetch(view.geometry_index(lane->hit_triangle));
+    next_->add(kReport, lane);
+  }
+  void report(RayLane* lane) {
+    identify(lane);
     lane->ray->tfar = lane->tfar;
     lane->ray->done = true;
     take_ray(lane);
@@ -159,7 +179,7 @@ class Batch {
     place.node = place.node_at(lane->ref.node);
     prefetch(image);
     prefetch_node(place.node);
-    next_.enter.add(lane);
+    next_->add(kEnter, lane);
   }
   static void prefetch_node(const Node<N>* node) {
     prefetch(node);
@@ -181,15 +201,16 @@ class Batch {
     place.vertices = header.vertices_offset;
     place.indices = header.indices_offset;
     if (lane->ref.kind == ExternalKind::node) {
+      ++counters_.nodes_visited;
       visit(lane);
-    } else {
-      measure(lane, lane->level);
+    } else if (measure(lane, lane->level)) {
       advance(lane);
+    } else {
+      fail(lane);
     }
   }
 
-  void visit(RayLane* lane) {
-    ++context_.counters.nodes_visited;
+  [[gnu::always_inline]] void visit(RayLane* lane) {
     const unsigned level = lane->level;
     lane->set_mask(
         level, test_boxes<N>(*lane->places[level].node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]));
@@ -197,10 +218,10 @@ class Batch {
   }
 
   // Chooses the next pending child and asks for its memory.
-  void advance(RayLane* lane) {
+  [[gnu::always_inline]] void advance(RayLane* lane) {
     while (lane->levels != 0) {
       const auto level = static_cast<unsigned>(std::bit_width(lane->levels)) - 1;
-      if (level < lane->top && !climb(lane, level)) {
+      if (level < lane->top && !climb(lane, level)) [[unlikely]] {
         fail(lane);
         return;
       }
@@ -208,40 +229,35 @@ class Batch {
       const Node<N>& node = *place.node;
       const unsigned mask = lane->masks[level];
       const unsigned slot = first_slot<N>(node, lane->frame.octant, mask);
-      const unsigned rest = mask & ~(1U << slot);
-      lane->masks[level] = static_cast<std::uint8_t>(rest);
-      lane->levels ^= static_cast<std::uint32_t>(rest == 0) << level;
+      lane->masks[level] = static_cast<std::uint8_t>(mask & ~(1U << slot));
+      lane->levels ^= static_cast<std::uint32_t>((mask & (mask - 1)) == 0) << level;
       // Too far: what was hit since the mask was made lies before the child's box.
       if (!(lane->entries[level][slot] <= lane->tfar)) {
         continue;
       }
-      lane->level = level;
+      // No branch on what the child is: it could not be foretold.
+      const unsigned is_leaf = node.leaf >> slot & 1, is_external = node.external >> slot & 1;
+      const std::uint32_t child_index = node.child[slot];
+      Place<N>& child = lane->places[level + 1];
+      child = place;
+      child.node = place.node_at(child_index);
+      const std::byte* corners = place.image + place.indices + child_index * kCornersBytes;
+      const std::byte* reference = place.image + place.externals + child_index * sizeof(ExternalRef);
+      const std::byte* wanted = reinterpret_cast<const std::byte*>(child.node);
+      wanted = is_leaf != 0 ? corners : wanted;
+      wanted = is_external != 0 ? reference : wanted;
+      prefetch(wanted);
+      prefetch(wanted + kLineBytes);
+      lane->level = level + ((is_leaf | is_external) ^ 1);
       lane->slot = slot;
-      if ((node.leaf >> slot & 1) != 0) {
-        const std::byte* corners = place.image + place.indices + node.child[slot] * 3 * sizeof(std::uint16_t);
-        prefetch(corners);
-        prefetch(corners + node.count[slot] * 3 * sizeof(std::uint16_t) - 1);
-        next_.fetch.add(lane);
-      } else if ((node.external >> slot & 1) != 0) {
-        prefetch(place.template at<ExternalRef>(place.externals) + node.child[slot]);
-        next_.follow.add(lane);
-      } else if ((node.valid >> slot & 1) != 0) {
-        Place<N>& child = lane->places[level + 1];
-        child = place;
-        child.node = place.node_at(node.child[slot]);
-        lane->level = level + 1;
-        prefetch_node(child.node);
-        next_.visit.add(lane);
-      } else {
-        fail(lane);
-      }
+      next_->add(is_leaf * kFetch + is_external * kFollow, lane);
       return;
     }
     finish(lane);
   }
 
   // A pop comes to a level above the node where the ray was taken up.
-  bool climb(RayLane* lane, unsigned level) {
+  [[gnu::noinline]] bool climb(RayLane* lane, unsigned level) {
     Place<N> place = lane->places[lane->top];
     while (place.node->level > level) {
       place.node = place.node_at(place.node->parent);
@@ -251,13 +267,14 @@ class Batch {
     }
     lane->places[level] = place;
     lane->top = level;
-    measure(lane, level);
-    return true;
+    return measure(lane, level);
   }
 
-  // The entry distances of a node whose mask came with the ray.
-  static void measure(RayLane* lane, unsigned level) {
-    test_boxes<N>(*lane->places[level].node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
+  // The entry distances at a node whose mask came from elsewhere. False: the mask is not of that node.
+  [[gnu::noinline]] static bool measure(RayLane* lane, unsigned level) {
+    const Node<N>& node = *lane->places[level].node;
+    test_boxes<N>(node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
+    return (lane->levels >> level & 1) == 0 || (lane->masks[level] & ~node.valid) == 0;
   }
 
   // A reference to another page or to a treelet of this one.
@@ -274,6 +291,7 @@ class Batch {
     }
     const std::byte* image = image_of(lane->ref.page);
     if (image == nullptr) {
+      identify(lane);
       lane->pack(resume, lane->ref.page, lane->ref.node);
       take_ray(lane);
       return;
@@ -294,14 +312,14 @@ class Batch {
         prefetch(leaf.vertices + at);
       }
     }
-    next_.test.add(lane);
+    next_->add(kTest, lane);
   }
 
   void test_leaf(RayLane* lane) {
     const Place<N>& place = lane->places[lane->level];
     const std::uint32_t first = place.node->child[lane->slot];
     const std::uint32_t count = place.node->count[lane->slot];
-    context_.counters.triangles_tested += count;
+    counters_.triangles_tested += count;
     const LeafBlock& leaf = lane->leaf;
     const unsigned used = (1U << count) - 1;
     if constexpr (kMode == Mode::watertight) {
@@ -346,21 +364,22 @@ class Batch {
     if constexpr (kQuery == Query::any) {
       ray.hit = {};
       ray.hit.t = 0;
-      ray.improved = ray.has_hit = true;
+      ray.has_hit = true;
       return true;
     } else {
-      const PageView view(lane->places[lane->level].image);
-      const std::uint32_t geometry_id = view.geometry_id(triangle);
-      const std::uint32_t primitive_id = view.primitive_ids()[triangle];
-      if (t == lane->tfar && ray.has_hit && !comes_before(ray, geometry_id, primitive_id)) {
-        return false;
+      const std::byte* image = lane->places[lane->level].image;
+      if (t == lane->tfar && ray.has_hit) {
+        identify(lane);
+        if (!comes_before(image, triangle, ray.hit)) {
+          return false;
+        }
       }
       lane->tfar = t;
-      ray.improved = ray.has_hit = true;
+      lane->hit_image = image;
+      lane->hit_triangle = triangle;
+      ray.has_hit = true;
       ray.hit.t = t;
       set_barycentrics(ray.hit, hit);
-      ray.hit.geometry_id = geometry_id;
-      ray.hit.primitive_id = primitive_id;
       if (context_.need_normal) {
         ray.hit.normal = normal_of(corners);
       }
@@ -368,16 +387,29 @@ class Batch {
     }
   }
 
-  // At equal t. The best so far may have been found before the ray last waited: its ids are then in the row.
-  bool comes_before(const RayState& ray, std::uint32_t geometry_id, std::uint32_t primitive_id) const {
-    const Hit best = ray.improved ? ray.hit : context_.rows->layout.read(context_.rows->row(ray.number));
+  // At equal t.
+  static bool comes_before(const std::byte* image, std::uint32_t triangle, const Hit& best) {
+    const PageView view(image);
+    const std::uint32_t geometry_id = view.geometry_id(triangle), primitive_id = view.primitive_ids()[triangle];
     return geometry_id < best.geometry_id || (geometry_id == best.geometry_id && primitive_id < best.primitive_id);
+  }
+
+  // Ids are looked up for the hits that stay, for they are far from what the tests read.
+  static void identify(RayLane* lane) {
+    if (lane->hit_image != nullptr) {
+      const PageView view(lane->hit_image);
+      lane->ray->hit.geometry_id = view.geometry_id(lane->hit_triangle);
+      lane->ray->hit.primitive_id = view.primitive_ids()[lane->hit_triangle];
+      lane->hit_image = nullptr;
+    }
   }
 
   KernelContext& context_;
   const std::span<RayState> rays_;
   std::size_t taken_ = 0;
-  Steps next_;
+  KernelCounters counters_;
+  std::array<Lists, 2> lists_;
+  Lists* next_ = &lists_[0];
   std::array<RayLane, kLanes> lanes_;
 };
 

@@ -53,8 +53,12 @@ struct alignas(64) Lane {
   std::uint32_t levels;  // bit for each level with a mask left
   ExternalRef ref;       // while it is followed
   LeafBlock leaf;        // while it is tested
+  // The best hit where its ids have not been looked up, else null.
+  const std::byte* hit_image;
+  std::uint32_t hit_triangle;
   std::array<std::uint8_t, kLevels> masks;
-  std::array<Place<N>, kLevels> places;
+  // One past the deepest, for it is written before it is known whether the child is a node.
+  std::array<Place<N>, kLevels + 1> places;
   std::array<std::array<float, N>, kLevels> entries;
 
   void set_mask(unsigned at, unsigned mask) {
@@ -70,6 +74,7 @@ struct alignas(64) Lane {
     level = from.level;
     top = from.level;
     levels = 0;
+    hit_image = nullptr;
     if ((from.stack.words[0] | from.stack.words[1]) != 0) {
       for (unsigned at = 0; at < kLevels; ++at) {
         set_mask(at, from.stack.words[at / kLevelsPerWord] >> (at % kLevelsPerWord * N) & ((1U << N) - 1));

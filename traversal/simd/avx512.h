@@ -27,10 +27,10 @@ inline constexpr PlaneBytesTable kPlaneBytes;
 
 template <>
 struct NearFar<8> {
-  __m512 lanes;
+  __m512 lanes;  // of an interval that is tightened, the far ones negated: one maximum then does for both
 
   static NearFar broadcast(float near, float far) {
-    return {_mm512_insertf32x8(_mm512_set1_ps(near), _mm256_set1_ps(far), 1)};
+    return {_mm512_insertf32x8(_mm512_set1_ps(near), _mm256_set1_ps(-far), 1)};
   }
   /// `upper` lies right behind `lower`.
   static NearFar from_bytes(const std::array<std::array<std::uint8_t, 8>, 3>& lower,
@@ -40,10 +40,12 @@ struct NearFar<8> {
     return {_mm512_cvtepi32_ps(_mm512_maskz_permutexvar_epi8(0x1111111111111111U, which, planes))};
   }
   [[nodiscard]] Floats<8> near() const { return {_mm512_castps512_ps256(lanes)}; }
-  [[nodiscard]] Floats<8> far() const { return {_mm512_extractf32x8_ps(lanes, 1)}; }
+  [[nodiscard]] Floats<8> far() const {
+    return {_mm256_xor_ps(_mm512_extractf32x8_ps(lanes, 1), _mm256_set1_ps(-0.0F))};
+  }
   void tighten(const NearFar& planes) {
-    lanes = _mm512_mask_max_ps(lanes, 0x00FF, planes.lanes, lanes);
-    lanes = _mm512_mask_min_ps(lanes, 0xFF00, planes.lanes, lanes);
+    const __m512 signs = _mm512_insertf32x8(_mm512_setzero_ps(), _mm256_set1_ps(-0.0F), 1);
+    lanes = _mm512_max_ps(_mm512_xor_ps(planes.lanes, signs), lanes);
   }
 };
 inline NearFar<8> operator*(const NearFar<8>& planes, float x) {
