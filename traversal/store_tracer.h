@@ -15,8 +15,10 @@
 // thread waits for a page: rays do. Thread-safe.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -27,6 +29,7 @@
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
 #include "storage/io/store_file.h"
+#include "storage/pages/codec.h"
 #include "traversal/budget_plan.h"
 #include "traversal/future_demand.h"
 #include "traversal/group_turns.h"
@@ -86,19 +89,24 @@ class StoreTracer {
     double idle_seconds = 0;
   };
 
+  /// A job gets more rays soon when its pusher was there so short a time ago.
+  static constexpr std::chrono::milliseconds kPushPatience{10};
+
   StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger);
   Status init();
   [[nodiscard]] std::uint64_t aside_bytes() const;
 
   void work(unsigned index);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
-  void handle_arrival(Worker& worker, std::unique_lock<std::mutex>& lock);
+  void handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
   [[nodiscard]] std::uint32_t batch_size(const TraceJob& job) const;
   Result<bool> settle(Worker& worker, TraceJob& job);
   [[nodiscard]] bool more_rays_come() const;
   [[nodiscard]] std::optional<storage::PageId> page_to_read();
-  std::unique_ptr<GroupTurns> make_turns() const;
+  [[nodiscard]] std::unique_ptr<GroupTurns> make_turns() const;
+  /// What a read of each page costs.
+  static std::function<std::uint32_t(std::uint32_t)> encoded_bytes(const storage::StoreFile& store);
   [[nodiscard]] storage::PageDemand page_demand() const;
   void pump_reads();
   [[nodiscard]] std::uint32_t low_water(const TraceJob& job) const;

@@ -4,8 +4,11 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <thread>
 
 #include "client/cpp/raymill.h"
@@ -44,6 +47,11 @@ void ServiceOptions::add_to(CLI::App& app) {
   app.add_option("--page-trace", page_trace_path,
                  "Write which pages rays enter and which are read and evicted to this file (traversal/page_trace.h)")
       ->type_name("FILE");
+  app.add_option(
+         "--temp", temporary_folder,
+         "Folder for rays and results that do not fit in memory (up to 50 bytes for each ray in flight). Default: "
+         "TMPDIR, else beside the output")
+      ->type_name("DIR");
   app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
 }
 
@@ -51,7 +59,25 @@ unsigned ServiceOptions::thread_count() const {
   return threads > 0 ? threads : std::max(1U, std::thread::hardware_concurrency());
 }
 
-Result<OpenStore> open_store(const ServiceOptions& options, const std::string& name) {
+namespace {
+
+// Beside the output is room for large files; /tmp is memory on many machines.
+std::string folder_for_temporaries(const ServiceOptions& options, const std::string& output) {
+  if (!options.temporary_folder.empty() || std::getenv("TMPDIR") != nullptr) {
+    return options.temporary_folder;
+  }
+  std::error_code error;
+  const auto status = std::filesystem::status(output, error);
+  if (output.empty() || (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))) {
+    return {};  // a pipe, or /dev/null
+  }
+  const std::filesystem::path folder = std::filesystem::path(output).parent_path();
+  return folder.empty() ? "." : folder.string();
+}
+
+}  // namespace
+
+Result<OpenStore> open_store(const ServiceOptions& options, const std::string& name, const std::string& output) {
   const auto begin = std::chrono::steady_clock::now();
   OpenStore open;
   if (options.server.empty()) {
@@ -71,6 +97,7 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
       config.timeline = open.timeline;
     }
     config.io = options.io;
+    config.spill_directory = folder_for_temporaries(options, output);
     RAYMILL_ASSIGN_OR_RETURN(open.service, Engine::create(config));
   } else if (!options.timeline_path.empty() || !options.page_trace_path.empty()) {
     return {ErrorCode::invalid_argument,

@@ -42,6 +42,7 @@ struct ServiceOptions {
   std::string stats_path;
   std::string timeline_path;
   std::string page_trace_path;
+  std::string temporary_folder;  ///< of what does not fit in memory; empty: TMPDIR, else beside the output
 
   void add_to(CLI::App& app);
   /// `threads`, with 0 resolved to this machine's cores.
@@ -58,7 +59,8 @@ struct OpenStore {
 };
 /// Opens `name` on the server if one is given, else in this process under the budget. What the process holds at this
 /// moment counts as used, so buffers are allocated before.
-Result<OpenStore> open_store(const ServiceOptions& options, const std::string& name);
+/// `output`: what the verb will write, if anything.
+Result<OpenStore> open_store(const ServiceOptions& options, const std::string& name, const std::string& output = {});
 
 struct QueryOptions {
   TraceConfig config;

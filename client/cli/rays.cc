@@ -198,7 +198,7 @@ Status run(const Options& options) {
   RAYMILL_ASSIGN_OR_RETURN(
       auto writer, RayFileWriter::create(options.output, options.count, options.shuffle ? &shuffle_seed : nullptr));
   std::vector<Ray> buffer(buffer_rays(options.service.memory));
-  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
+  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
   RAYMILL_ASSIGN_OR_RETURN(StoreInfo info, open.store->info());
   RAYMILL_ASSIGN_OR_RETURN(const Camera camera, choose_camera(options.camera, info, picture(options.count)));
   info.metadata_json = std::string();  // can be large, and is not needed any more

@@ -83,7 +83,7 @@ Result<Stage> set_stage(const Options& options) {
                                                     " given; raise --memory");
     }
     auto renderer = std::make_unique<Renderer>(config);
-    auto open = open_store(options.service, options.store);
+    auto open = open_store(options.service, options.store, options.output);
     if (open) {
       return Stage{std::move(renderer), std::move(*open)};
     }

@@ -50,7 +50,7 @@ Status run(Options& options) {
     RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header));
     file.emplace(std::move(whole));
   }
-  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
+  RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
   if (options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
     RAYMILL_ASSIGN_OR_RETURN(

@@ -23,7 +23,7 @@ Result<ResidentStore> ResidentStore::load(const std::string& path) {
   storage::PageDecoder decoder(file.rules(), file.positions(), file.codec());
   const std::vector<std::uint32_t> demand(file.page_count());
   for (std::uint32_t page = 0; page < file.page_count(); ++page) {
-    const auto lease = store.cache_->begin_read(PageId{page}, demand);
+    const auto lease = store.cache_->begin_read(PageId{page}, {demand, {}});
     RAYMILL_ASSIGN_OR_RETURN(const auto encoded, file.read_page(PageId{page}, buffer));
     RAYMILL_ASSIGN_OR_RETURN([[maybe_unused]] const auto bytes, decoder.decode(encoded, lease->bytes));
     store.cache_->publish(*lease);
