@@ -16,7 +16,7 @@ struct EngineConfig {
   /// Limit of the whole process, not of this engine alone: what the process holds already is measured and counted.
   std::uint64_t memory = gibibytes(2);
   unsigned threads = 0;  ///< workers; 0: one for each core
-  std::string isa = {};  ///< "scalar", "avx2"; empty: the best this machine has
+  std::string isa = {};  ///< "scalar", "avx2", "avx512"; empty: the best this machine has
   /// Which page is read next: "score" (most rays for each byte), "most-rays", "fifo" (longest wanted) or "sweep" (in
   /// the file's order). No answer depends on it.
   std::string policy = "score";

@@ -144,7 +144,7 @@ Status EngineJob::enqueue(const Piece& piece) {
   }
   job_->rays_done += piece.invalid.size();
   job_->stats.invalid += piece.invalid.size();
-  const storage::PageId root{tracer_->file().footer().root_page};
+  const storage::PageId root = tracer_->root_page();
   const RecordLayout& layout = job_->waiting->pool().layout();
   for (std::size_t i = 0, at = 0; i < piece.valid; ++i) {
     const std::size_t bytes = layout.bytes(records_.data() + at);

@@ -37,7 +37,7 @@ struct KernelChoice {
   bool wide_stack = true;  ///< 128 bits; 64 suffice where width x levels <= 64
 };
 
-enum class Isa : std::uint8_t { scalar, avx2 };
+enum class Isa : std::uint8_t { scalar, avx2, avx512 };
 std::string_view to_string(Isa isa);
 /// Those this machine can run, best first.
 std::vector<Isa> runnable_isas();
@@ -49,6 +49,9 @@ namespace scalar {
 Kernel find_kernel(const KernelChoice& choice);
 }
 namespace avx2 {
+Kernel find_kernel(const KernelChoice& choice);
+}
+namespace avx512 {
 Kernel find_kernel(const KernelChoice& choice);
 }
 

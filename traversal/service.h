@@ -87,7 +87,7 @@ struct JobStats {
   std::uint64_t result_spill_bytes = 0;                    ///< results that waited on disk for next()
   double trace_seconds = 0;                                ///< from the first push to the last hit
   std::uint64_t peak_rss_bytes = 0;                        ///< of the process that traces
-  std::string isa;                                         ///< "avx2", "scalar"
+  std::string isa;                                         ///< "scalar", "avx2", "avx512"
   std::string kernel;                                      ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
   std::map<std::string, std::uint64_t> peak_bytes_by_tag;  ///< of the claims on the budget
   std::string policy;                                      ///< which page was read next: "score", ...

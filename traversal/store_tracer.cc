@@ -223,8 +223,7 @@ std::uint32_t StoreTracer::low_water(const TraceJob& job) const {
 
 // Whether push() may go on: rays that workers have not got round to yet would only take memory from those that wait.
 bool StoreTracer::has_room(const TraceJob& job) const {
-  const storage::PageId root{file_->footer().root_page};
-  return job.waiting->count(root) < kMostAtRoot &&
+  return job.waiting->count(root_page()) < kMostAtRoot &&
          job.waiting->free_chunks() >= low_water(job) + RaySpiller::kPushChunks;
 }
 
@@ -261,6 +260,9 @@ std::optional<storage::PageId> StoreTracer::page_to_read() {
   const std::uint64_t enough_ready = std::min<std::uint64_t>(in_memory / 4, config_.share.threads * kEnoughReady);
   if (scheduler_.wanted_rays() + enough_ready < in_memory) {
     return std::nullopt;
+  }
+  if (spiller_->rays_on_disk() == 0 && scheduler_.wanted_count() <= cache_->frame_count() / 2) {
+    return scheduler_.next_wanted();  // what is left to read stays beside each other, whoever's turn it is
   }
   const auto page = turns_->next_page();
   return page ? std::optional(storage::PageId{*page}) : std::nullopt;
@@ -447,7 +449,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   unstall();
   // Waking costs more than a small batch: only where whoever waits can go on.
   const bool go_on = (job->push_blocked && job->in_flight() <= job->most_in_flight - job->most_in_flight / 16) ||
-                     (job->push_needs_room && has_room(*job));
+                     (job->push_needs_room && has_room(*job) && job->waiting->count(root_page()) <= kMostAtRoot / 2);
   if (chunk_done || go_on || !job->status.ok() || job->batches_out == 0) {
     job->changed.notify_all();
   }

@@ -106,6 +106,7 @@ class StoreTracer {
   void unstall();
   void on_arrival(storage::PageArrival arrival);
   [[nodiscard]] PageState state_of(storage::PageId page) const;
+  [[nodiscard]] storage::PageId root_page() const { return storage::PageId{file_->footer().root_page}; }
   void fail_waiting(storage::PageId page, const Status& status);
   void remove_job(TraceJob& job);
 

@@ -19,7 +19,7 @@ void ServiceOptions::add_to(CLI::App& app) {
   app.add_option("--threads", threads, "Threads that trace; 0: one for each core")
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--isa", isa, "Instruction set: scalar or avx2; left out: the best this machine has")
+  app.add_option("--isa", isa, "Instruction set: scalar, avx2 or avx512; left out: the best this machine has")
       ->type_name("ISA");
   app.add_option(
          "--policy", policy,

@@ -58,7 +58,8 @@ Verb add_serve(CLI::App& app) {
   verb->add_option("--threads", config.threads, "Threads that trace; 0: one for each core")
       ->type_name("N")
       ->capture_default_str();
-  verb->add_option("--isa", config.isa, "Instruction set: scalar or avx2; left out: the best")->type_name("ISA");
+  verb->add_option("--isa", config.isa, "Instruction set: scalar, avx2 or avx512; left out: the best")
+      ->type_name("ISA");
   add_io_option(*verb, config.io);
   verb->add_option("--max-jobs", config.max_jobs, "Jobs that run at once; others wait")
       ->type_name("N")

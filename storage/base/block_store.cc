@@ -52,31 +52,39 @@ Status BlockStore::open_file() {
 
 Result<BlockId> BlockStore::write(std::span<const std::byte> bytes) {
   assert(bytes.size() <= kBlockBytes);
+  RAYMILL_ASSIGN_OR_RETURN(const Place place, new_place());
+  // Copied without the lock: a disk that takes its time holds nobody else up.
+  if (place.memory != nullptr) {
+    std::copy(bytes.begin(), bytes.end(), place.memory);
+    return BlockId{place.number};
+  }
+  if (!write_fully(descriptor_, bytes, std::uint64_t(place.number) * kBlockBytes)) {
+    return {write_error(errno), (folder_.empty() ? "." : folder_) + ": cannot write a temporary file: " +
+                                    std::strerror(errno) + "; free some space there"};
+  }
+  return BlockId{place.number | kInFile};
+}
+
+Result<BlockStore::Place> BlockStore::new_place() {
   const std::lock_guard lock(mutex_);
   if (!free_memory_.empty() || add_slab()) {
     const std::uint32_t block = free_memory_.back();
     free_memory_.pop_back();
-    std::copy(bytes.begin(), bytes.end(), in_memory(block));
-    return BlockId{block};
+    return Place{block, in_memory(block)};
   }
   if (descriptor_ < 0) {
     RAYMILL_RETURN_IF_ERROR(open_file());
   }
-  std::uint32_t block = file_blocks_;
   if (!free_file_.empty()) {
-    block = free_file_.back();
+    const std::uint32_t block = free_file_.back();
     free_file_.pop_back();
-  } else if (file_blocks_ == kMostBlocks) {
+    return Place{block, nullptr};
+  }
+  if (file_blocks_ == kMostBlocks) {
     return {ErrorCode::unsupported,
             "a temporary file of more than " + format_bytes(file_bytes()) + " is not supported"};
-  } else {
-    ++file_blocks_;
   }
-  if (!write_fully(descriptor_, bytes, std::uint64_t(block) * kBlockBytes)) {
-    return {write_error(errno), (folder_.empty() ? "." : folder_) + ": cannot write a temporary file: " +
-                                    std::strerror(errno) + "; free some space there"};
-  }
-  return BlockId{block | kInFile};
+  return Place{file_blocks_++, nullptr};
 }
 
 Status BlockStore::read(BlockId block, std::span<std::byte> out) const {

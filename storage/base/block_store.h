@@ -2,7 +2,7 @@
 //
 // The file has no name from the moment it is made (O_TMPFILE, else unlinked at once), so nothing of it outlives the
 // process, however that ends. Freed blocks are used again, so the file is as large as what it holds at its fullest.
-// Threads: read() of blocks that are not being released may run anywhere; write() and release() lock.
+// Threads: write(), release(), and read() of blocks that are not being released may run anywhere.
 #pragma once
 
 #include <cstddef>
@@ -54,6 +54,11 @@ class BlockStore {
     BudgetReservation claim;
     MappedMemory memory;
   };
+  struct Place {
+    std::uint32_t number = 0;     // in memory or in the file
+    std::byte* memory = nullptr;  // null: in the file
+  };
+  Result<Place> new_place();
   bool add_slab();
   Status open_file();
   [[nodiscard]] std::byte* in_memory(std::uint32_t block) const {

@@ -4,13 +4,12 @@
 
 namespace raymill::storage {
 
-MappedMemory::MappedMemory(std::uint64_t bytes) {
+MappedMemory::MappedMemory(std::uint64_t bytes, Pages pages) {
   void* memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory != MAP_FAILED) {
     data_ = static_cast<std::byte*>(memory);
     bytes_ = bytes;
-    // A huge page would make memory resident that was never asked for.
-    ::madvise(memory, bytes, MADV_NOHUGEPAGE);
+    ::madvise(memory, bytes, pages == Pages::huge ? MADV_HUGEPAGE : MADV_NOHUGEPAGE);
   }
 }
 

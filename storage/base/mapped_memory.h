@@ -10,8 +10,12 @@ namespace raymill::storage {
 class MappedMemory {
  public:
   MappedMemory() = default;
+  enum class Pages : std::uint8_t {
+    small,  ///< nothing is resident that was never touched
+    huge,   ///< fewer misses of the TLB; untouched parts beside touched ones become resident, up to `bytes` in all
+  };
   /// Null data() where the system refuses.
-  explicit MappedMemory(std::uint64_t bytes);
+  explicit MappedMemory(std::uint64_t bytes, Pages pages = Pages::small);
   MappedMemory(MappedMemory&& other) noexcept { swap(other); }
   MappedMemory& operator=(MappedMemory&& other) noexcept {
     MappedMemory(std::move(other)).swap(*this);

@@ -49,7 +49,7 @@ class PositionMap {
 
  private:
   struct Slot {
-    std::uint64_t round = 0;
+    std::uint32_t round = 0;  // clear() is called for each page: 2^32 of them are out of reach
     std::uint32_t number = 0;
   };
 
@@ -80,7 +80,7 @@ class PositionMap {
 
   std::vector<Slot> slots_;
   std::vector<Vec3f> positions_;
-  std::uint64_t round_ = 1;
+  std::uint32_t round_ = 1;
 };
 
 }  // namespace raymill::storage

@@ -54,11 +54,11 @@ void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* pr
   return leaf;
 }
 
-// Copies Embree's tree into ours, depth first, left before right.
+// Copies Embree's tree into ours and the triangles into its leaf order, depth first, left before right.
 class Flattener {
  public:
-  Flattener(std::span<const Triangle> triangles, std::vector<BinaryNode>& nodes, std::vector<std::uint32_t>& order)
-      : triangles_(triangles), nodes_(nodes), order_(order) {}
+  Flattener(std::span<const Triangle> triangles, std::vector<BinaryNode>& nodes, std::vector<Triangle>& sorted)
+      : triangles_(triangles), nodes_(nodes), sorted_(sorted) {}
 
   std::uint32_t flatten(const RawNode* raw) {
     const auto index = static_cast<std::uint32_t>(nodes_.size());
@@ -66,11 +66,11 @@ class Flattener {
     if (raw->leaf) {
       const auto* leaf = static_cast<const RawLeaf*>(raw);
       BinaryNode& node = nodes_[index];
-      node.left = static_cast<std::uint32_t>(order_.size());
+      node.left = static_cast<std::uint32_t>(sorted_.size());
       node.count = leaf->count;
       for (std::uint32_t i = 0; i < leaf->count; ++i) {
-        order_.push_back(leaf->triangles[i]);
-        node.box.grow(bounds(triangles_[leaf->triangles[i]]));
+        sorted_.push_back(triangles_[leaf->triangles[i]]);
+        node.box.grow(bounds(sorted_.back()));
       }
       return index;
     }
@@ -88,18 +88,17 @@ class Flattener {
  private:
   std::span<const Triangle> triangles_;
   std::vector<BinaryNode>& nodes_;
-  std::vector<std::uint32_t>& order_;
+  std::vector<Triangle>& sorted_;
 };
 
-std::vector<RTCBuildPrimitive> build_primitives(std::span<const Triangle> triangles) {
-  // Embree's MEDIUM builder may use the array's spare capacity; it splits nothing without a callback.
-  std::vector<RTCBuildPrimitive> primitives(triangles.size());
+// Embree's MEDIUM builder may use the array's spare capacity; it splits nothing without a callback.
+void fill_primitives(std::span<const Triangle> triangles, std::vector<RTCBuildPrimitive>& primitives) {
+  primitives.resize(triangles.size());
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     const Aabb box = bounds(triangles[i]);
     primitives[i] = {box.lower.x, box.lower.y, box.lower.z, 0,
                      box.upper.x, box.upper.y, box.upper.z, static_cast<unsigned>(i)};
   }
-  return primitives;
 }
 
 RTCBuildArguments build_arguments(RTCBVH bvh, std::vector<RTCBuildPrimitive>& primitives) {
@@ -144,30 +143,37 @@ EmbreeDevice::~EmbreeDevice() {
   }
 }
 
-Result<BinaryTree> build_binary_tree(const EmbreeDevice& device, std::vector<Triangle>& triangles) {
-  BinaryTree tree;
-  std::vector<std::uint32_t> order;
-  {
-    std::vector<RTCBuildPrimitive> primitives = build_primitives(triangles);
-    RTCBVH bvh = rtcNewBVH(device.get());
-    const RTCBuildArguments arguments = build_arguments(bvh, primitives);
-    void* root = nullptr;
-    // One thread for a run: Embree's parallel partition may order triangles by the number of threads.
-    tbb::task_arena(1).execute([&] { root = rtcBuildBVH(&arguments); });
-    if (root == nullptr) {
-      const RTCError error = rtcGetDeviceError(device.get());
-      rtcReleaseBVH(bvh);
-      return {ErrorCode::internal, "Embree could not build " + std::to_string(triangles.size()) + " triangles (error " +
-                                       std::to_string(error) + ")"};
-    }
-    order.reserve(triangles.size());
-    Flattener(triangles, tree.nodes, order).flatten(static_cast<const RawNode*>(root));
+struct BinaryTreeBuilder::Scratch {
+  std::vector<RTCBuildPrimitive> primitives;
+  std::vector<Triangle> sorted;
+};
+
+BinaryTreeBuilder::BinaryTreeBuilder(const EmbreeDevice& device)
+    : device_(&device), scratch_(std::make_unique<Scratch>()) {}
+BinaryTreeBuilder::BinaryTreeBuilder(BinaryTreeBuilder&&) noexcept = default;
+BinaryTreeBuilder::~BinaryTreeBuilder() = default;
+
+Status BinaryTreeBuilder::build(std::vector<Triangle>& triangles, BinaryTree& tree) {
+  fill_primitives(triangles, scratch_->primitives);
+  RTCBVH bvh = rtcNewBVH(device_->get());
+  const RTCBuildArguments arguments = build_arguments(bvh, scratch_->primitives);
+  void* root = nullptr;
+  // One thread for a run: Embree's parallel partition may order triangles by the number of threads.
+  tbb::task_arena(1).execute([&] { root = rtcBuildBVH(&arguments); });
+  if (root == nullptr) {
+    const RTCError error = rtcGetDeviceError(device_->get());
     rtcReleaseBVH(bvh);
+    return {ErrorCode::internal, "Embree could not build " + std::to_string(triangles.size()) + " triangles (error " +
+                                     std::to_string(error) + ")"};
   }
-  std::vector<Triangle> sorted(triangles.size());
-  std::transform(order.begin(), order.end(), sorted.begin(), [&](std::uint32_t i) { return triangles[i]; });
-  triangles = std::move(sorted);
-  return tree;
+  std::vector<Triangle>& sorted = scratch_->sorted;
+  sorted.clear();
+  sorted.reserve(triangles.size());
+  tree.nodes.clear();
+  Flattener(triangles, tree.nodes, sorted).flatten(static_cast<const RawNode*>(root));
+  rtcReleaseBVH(bvh);
+  triangles.swap(sorted);
+  return {};
 }
 
 }  // namespace raymill::storage

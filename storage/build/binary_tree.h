@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "storage/base/status.h"
@@ -37,11 +38,25 @@ class EmbreeDevice {
   RTCDeviceTy* device_;
 };
 
-/// Embree's SAH builder over `triangles`, which are put into leaf order. Equal triangles give equal trees: the build
-/// runs on the calling thread alone. Errors: internal (Embree refused).
-Result<BinaryTree> build_binary_tree(const EmbreeDevice& device, std::vector<Triangle>& triangles);
+/// Embree's SAH builder, with memory that the next build uses again. Thread-confined.
+class BinaryTreeBuilder {
+ public:
+  /// `device` must outlive the builder.
+  explicit BinaryTreeBuilder(const EmbreeDevice& device);
+  BinaryTreeBuilder(BinaryTreeBuilder&&) noexcept;
+  ~BinaryTreeBuilder();
 
-/// Memory that build_binary_tree takes at its peak, its result included and the triangles excluded.
+  /// Builds `tree` over `triangles`, which are put into leaf order. Equal triangles give equal trees: the build runs on
+  /// the calling thread alone. Errors: internal (Embree refused).
+  Status build(std::vector<Triangle>& triangles, BinaryTree& tree);
+
+ private:
+  struct Scratch;
+  const EmbreeDevice* device_;
+  std::unique_ptr<Scratch> scratch_;
+};
+
+/// Memory that a builder and its result take at their peak, the triangles excluded.
 constexpr std::uint64_t binary_tree_build_bytes(std::uint64_t triangle_count) {
   // Build primitives 32 B, Embree's nodes and scratch about 90 B, the sorted copy; leaves hold three triangles or more
   // on average: two thirds of a node a triangle.

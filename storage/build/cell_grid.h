@@ -40,11 +40,10 @@ class CellGrid {
     }
     return cell;
   }
-  void add(const Aabb& box) {
-    Cell& cell = cells_[cell_of({box.lower.x * 0.5F + box.upper.x * 0.5F, box.lower.y * 0.5F + box.upper.y * 0.5F,
-                                 box.lower.z * 0.5F + box.upper.z * 0.5F})];
-    cell.box.grow(box);
-    ++cell.count;
+  /// Counts a triangle by its box: its cell is cell_of() of the box's middle.
+  void add(std::uint32_t cell, const Aabb& box) {
+    cells_[cell].box.grow(box);
+    ++cells_[cell].count;
   }
 
   /// Splits until a part has at most `run_triangles`, or too few cells to split it well; such a part is left whole

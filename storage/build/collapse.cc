@@ -1,6 +1,7 @@
 #include "storage/build/collapse.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <limits>
 #include <span>
@@ -42,7 +43,26 @@ struct Piece {
   std::uint32_t first = 0;  // triangle range
   std::uint32_t count = 0;
   std::uint32_t binary = kBalanced;
+  bool can_open = false;  // an inner node of the binary tree
+  double half_area = 0;   // where it can be opened
   static constexpr std::uint32_t kBalanced = std::numeric_limits<std::uint32_t>::max();
+};
+
+// The children-to-be of one wide node.
+struct Pieces {
+  std::array<Piece, kMaxWidth> items;
+  std::size_t count = 0;
+
+  void add(const Piece& piece) { items[count++] = piece; }
+  void replace(std::size_t i, const Piece& left, const Piece& right) {
+    std::copy_backward(items.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                       items.begin() + static_cast<std::ptrdiff_t>(count),
+                       items.begin() + static_cast<std::ptrdiff_t>(count) + 1);
+    items[i] = left;
+    items[i + 1] = right;
+    ++count;
+  }
+  [[nodiscard]] std::span<const Piece> span() const { return std::span(items).first(count); }
 };
 
 // What a tree's leaves hold. A leaf of triangles stands in its node; a run is a tree of its own.
@@ -96,55 +116,55 @@ class Collapser {
   };
 
   [[nodiscard]] Piece piece_of(std::uint32_t binary) const {
-    return {binary_.nodes[binary].box, first_[binary], count_[binary], binary};
+    const BinaryNode& node = binary_.nodes[binary];
+    const bool can_open = node.count == 0;
+    return {node.box, first_[binary], count_[binary], binary, can_open, can_open ? node.box.half_area() : 0};
   }
 
   [[nodiscard]] Piece range_piece(std::uint32_t first, std::uint32_t count) const {
-    Piece piece{{}, first, count, Piece::kBalanced};
+    Piece piece;
+    piece.first = first;
+    piece.count = count;
     for (std::uint32_t i = first; i < first + count; ++i) {
       piece.box.grow(units_.box(i));
     }
     return piece;
   }
 
-  [[nodiscard]] bool can_open(const Piece& piece) const {
-    return piece.binary != Piece::kBalanced && binary_.nodes[piece.binary].count == 0;
-  }
-
   // The pieces under one wide node, by opening the largest until `width` stand.
-  std::vector<Piece> open_largest(const Piece& piece) const {
-    std::vector<Piece> pieces{piece};
-    while (pieces.size() < tree_.width) {
-      std::size_t best = pieces.size();
-      for (std::size_t i = 0; i < pieces.size(); ++i) {
-        if (can_open(pieces[i]) &&
-            (best == pieces.size() || pieces[i].box.half_area() > pieces[best].box.half_area())) {
+  Pieces open_largest(const Piece& piece) const {
+    Pieces pieces;
+    pieces.add(piece);
+    while (pieces.count < tree_.width) {
+      std::size_t best = pieces.count;
+      for (std::size_t i = 0; i < pieces.count; ++i) {
+        if (pieces.items[i].can_open &&
+            (best == pieces.count || pieces.items[i].half_area > pieces.items[best].half_area)) {
           best = i;
         }
       }
-      if (best == pieces.size()) {
+      if (best == pieces.count) {
         break;
       }
-      const BinaryNode& node = binary_.nodes[pieces[best].binary];
-      pieces[best] = piece_of(node.left);
-      pieces.insert(pieces.begin() + static_cast<std::ptrdiff_t>(best) + 1, piece_of(node.right));
+      const BinaryNode& node = binary_.nodes[pieces.items[best].binary];
+      pieces.replace(best, piece_of(node.left), piece_of(node.right));
     }
     return pieces;
   }
 
   // Equal shares of the range, each within what `levels_left` levels below can hold.
-  std::vector<Piece> split_balanced(const Piece& piece, unsigned levels_left) const {
+  Pieces split_balanced(const Piece& piece, unsigned levels_left) const {
     std::uint64_t capacity = Units::kPerLeaf;
     for (unsigned i = 0; i < levels_left && capacity < piece.count; ++i) {
       capacity *= tree_.width;
     }
     const auto parts = static_cast<std::uint32_t>(std::clamp<std::uint64_t>(
         (piece.count + capacity - 1) / capacity, std::min<std::uint64_t>(piece.count, 2), tree_.width));
-    std::vector<Piece> pieces;
+    Pieces pieces;
     for (std::uint32_t i = 0; i < parts; ++i) {
       const auto begin = static_cast<std::uint32_t>(std::uint64_t(piece.count) * i / parts);
       const auto end = static_cast<std::uint32_t>(std::uint64_t(piece.count) * (i + 1) / parts);
-      pieces.push_back(range_piece(piece.first + begin, end - begin));
+      pieces.add(range_piece(piece.first + begin, end - begin));
     }
     return pieces;
   }
@@ -153,24 +173,22 @@ class Collapser {
     const unsigned levels_left = range_.limit - pending.level;  // this node's level included
     const bool balanced = pending.piece.binary == Piece::kBalanced ||
                           balanced_levels(pending.piece.count, tree_.width, Units::kPerLeaf) >= levels_left;
-    const std::vector<Piece> pieces =
-        balanced ? split_balanced(pending.piece, levels_left - 1) : open_largest(pending.piece);
+    const Pieces pieces = balanced ? split_balanced(pending.piece, levels_left - 1) : open_largest(pending.piece);
 
     WideNode node;
     node.parent = pending.parent;
     node.level = static_cast<std::uint8_t>(pending.level);
     tree_.levels = std::max(tree_.levels, pending.level + 1);
-    std::vector<Aabb> boxes;
-    for (const Piece& piece : pieces) {
-      boxes.push_back(piece.box);
-    }
-    const std::array<unsigned, kMaxWidth> slots = assign_slots(boxes, pending.piece.box, tree_.width, node.order);
-    for (std::size_t i = 0; i < pieces.size(); ++i) {
+    std::array<Aabb, kMaxWidth> boxes;
+    std::transform(pieces.span().begin(), pieces.span().end(), boxes.begin(), [](const Piece& p) { return p.box; });
+    const std::array<unsigned, kMaxWidth> slots =
+        assign_slots(std::span(boxes).first(pieces.count), pending.piece.box, tree_.width, node.order);
+    for (std::size_t i = 0; i < pieces.count; ++i) {
       const unsigned slot = slots[i];
-      const Piece& piece = pieces[i];
+      const Piece& piece = pieces.items[i];
       node.valid = static_cast<std::uint8_t>(node.valid | 1U << slot);
       node.boxes[slot] = piece.box;
-      const bool leaf = piece.count <= Units::kPerLeaf && !can_open(piece);
+      const bool leaf = piece.count <= Units::kPerLeaf && !piece.can_open;
       if (leaf) {
         node.child[slot] = piece.first;
         node.count[slot] = static_cast<std::uint8_t>(Units::kOuter ? 0 : piece.count);

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <unordered_set>
+#include <utility>
 
 #include "storage/base/position_map.h"
 
@@ -17,7 +18,8 @@ constexpr std::uint32_t kUnplaced = 0xFFFFFFFFu;
 // What a page would decode to, counted exactly while nodes are added.
 class PageMeter {
  public:
-  PageMeter(const WideTree& tree, const PageCost& cost) : tree_(tree), cost_(cost) {}
+  PageMeter(const WideTree& tree, const PageCost& cost)
+      : tree_(tree), cost_(cost), corners_(tree.triangles.size() * 3) {}
 
   // Adds the nodes (a connected treelet, root first) if the page then still fits; else leaves the page as it was.
   bool try_add(std::span<const std::uint32_t> treelet) {
@@ -33,6 +35,7 @@ class PageMeter {
     }
     counts_ = before;
     vertices_.rollback(vertices_before);
+    last_geometry_ = kNoGeometry;
     for (const std::uint32_t id : new_geometries) {
       geometries_.erase(id);
     }
@@ -46,8 +49,12 @@ class PageMeter {
     counts_ = {};
     vertices_.clear();
     geometries_.clear();
+    last_geometry_ = kNoGeometry;
     ghosts_.clear();
   }
+
+  // Of all triangles that were added: the numbers that their corners' positions have in their pages.
+  std::vector<std::uint16_t> take_corners() { return std::move(corners_); }
 
  private:
   struct Counts {
@@ -65,12 +72,13 @@ class PageMeter {
       for (std::uint32_t i = node.child[slot]; i < node.child[slot] + node.count[slot]; ++i) {
         const Triangle& t = tree_.triangles[i];
         ++counts_.triangles;
-        for (const Vec3f& p : t.v) {
-          vertices_.insert(p);
+        for (std::size_t corner = 0; corner < 3; ++corner) {
+          corners_[std::size_t(i) * 3 + corner] = static_cast<std::uint16_t>(vertices_.insert(t.v[corner]));
         }
-        if (geometries_.insert(t.geometry_id).second) {
+        if (t.geometry_id != last_geometry_ && geometries_.insert(t.geometry_id).second) {
           new_geometries.push_back(t.geometry_id);
         }
+        last_geometry_ = t.geometry_id;
       }
     }
   }
@@ -102,11 +110,15 @@ class PageMeter {
            geometries_.size() * cost_.geometry_bytes;
   }
 
+  static constexpr std::uint32_t kNoGeometry = 0xFFFFFFFFu;
+
   const WideTree& tree_;
   const PageCost& cost_;
   Counts counts_;
   PositionMap vertices_;
+  std::vector<std::uint16_t> corners_;
   std::unordered_set<std::uint32_t> geometries_;
+  std::uint32_t last_geometry_ = kNoGeometry;  // it is in geometries_
   std::unordered_set<std::uint32_t> ghosts_;
 };
 
@@ -124,6 +136,7 @@ class Planner {
     cut_top();
     RAYMILL_RETURN_IF_ERROR(pack(top_treelets_));
     order_pages();
+    plan_.corners = meter_.take_corners();
     return std::move(plan_);
   }
 

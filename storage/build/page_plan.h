@@ -35,6 +35,8 @@ struct PagePlan {
   /// Node indices; nodes of one page in depth-first order. The tree's root is the first node of page 0.
   std::vector<std::vector<std::uint32_t>> pages;
   std::vector<std::uint32_t> page_of;  ///< for each node
+  /// [3 * triangle]: numbers of the corners' positions; in one page equal numbers mean equal positions.
+  std::vector<std::uint16_t> corners;
 };
 
 /// Errors: invalid_argument when the page limit cannot hold a single node with its leaves and escape table.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "storage/build/cell_grid.h"
+#include "storage/build/cell_pass.h"
 
 namespace raymill::storage {
 namespace {
@@ -88,26 +89,17 @@ class Partitioner {
     return config_.progress ? config_.progress(handled_) : Status();
   }
 
-  // Puts the triangle on the lattice; keep: whether it is still one.
-  Status snap_one(Triangle& t, bool& keep) {
-    const Lattice::Outcome outcome = lattice_.snap(t);
-    keep = outcome == Lattice::Outcome::kept;
-    return outcome == Lattice::Outcome::out_of_range ? lattice_.out_of_range(t) : Status();
+  CellPass pass(const CellGrid& grid, bool consume, bool snap) {
+    return {store_, grid, {config_.threads, consume, snap ? &lattice_ : nullptr}};
   }
 
   Status count_cells(const TriangleBucket& all, bool snap, CellGrid& grid) {
-    return for_each_block(store_, all, false, [&](std::span<Triangle> block) -> Status {
-      for (Triangle& t : block) {
-        bool keep = true;
-        if (snap) {
-          RAYMILL_RETURN_IF_ERROR(snap_one(t, keep));
-          dropped_ += keep ? 0 : 1;
-        }
-        if (keep) {
-          grid.add(bounds(t));
-        }
+    return pass(grid, false, snap).run(all, [&](const CellBlock& block) {
+      for (std::size_t i = 0; i < block.triangles.size(); ++i) {
+        grid.add(block.cells[i], block.boxes[i]);
       }
-      return step(block.size());
+      dropped_ += block.dropped;
+      return step(block.triangles.size() + block.dropped);
     });
   }
 
@@ -145,17 +137,11 @@ class Partitioner {
       }
     }
     std::vector<BucketWriter> writers(frontier.size(), BucketWriter(store_));
-    Status handed_out = for_each_block(store_, from, true, [&](std::span<Triangle> block) -> Status {
-      for (Triangle& t : block) {
-        bool keep = true;
-        if (snap) {
-          RAYMILL_RETURN_IF_ERROR(snap_one(t, keep));
-        }
-        if (keep) {
-          RAYMILL_RETURN_IF_ERROR(writers[slot_of_cell_[grid.cell_of(middle(bounds(t)))]].add(t));
-        }
+    Status handed_out = pass(grid, true, snap).run(from, [&](const CellBlock& block) -> Status {
+      for (std::size_t i = 0; i < block.triangles.size(); ++i) {
+        RAYMILL_RETURN_IF_ERROR(writers[slot_of_cell_[block.cells[i]]].add(block.triangles[i], block.boxes[i]));
       }
-      return step(block.size());
+      return step(block.triangles.size() + block.dropped);
     });
     RAYMILL_RETURN_IF_ERROR(std::move(handed_out));
     std::vector<TriangleBucket> taken(frontier.size());
@@ -187,22 +173,15 @@ class Partitioner {
     std::vector<std::unique_ptr<Part>> parts;
     BucketWriter writer(store_);
     std::uint64_t added = 0;
-    Status shared_out = for_each_block(store_, all, true, [&](std::span<Triangle> block) -> Status {
-      for (Triangle& t : block) {
-        bool keep = true;
-        if (snap) {
-          RAYMILL_RETURN_IF_ERROR(snap_one(t, keep));
-        }
-        if (!keep) {
-          continue;
-        }
+    Status shared_out = pass(CellGrid(all.middles, 1), true, snap).run(all, [&](const CellBlock& block) -> Status {
+      for (const Triangle& t : block.triangles) {
         RAYMILL_RETURN_IF_ERROR(writer.add(t));
         if (++added % share == 0) {
           RAYMILL_ASSIGN_OR_RETURN(TriangleBucket bucket, writer.take());
           parts.push_back(leaf(std::move(bucket)));
         }
       }
-      return step(block.size());
+      return step(block.triangles.size() + block.dropped);
     });
     RAYMILL_RETURN_IF_ERROR(std::move(shared_out));
     if (added % share != 0) {
@@ -232,8 +211,8 @@ class Partitioner {
 
 }  // namespace
 
-std::uint64_t partition_bytes(std::uint32_t most_open_buckets, std::uint64_t triangle_count) {
-  return most_open_buckets * BucketWriter::bytes() + kBlockBytes + CellGrid::bytes(triangle_count);
+std::uint64_t partition_bytes(std::uint32_t most_open_buckets, unsigned threads, std::uint64_t triangle_count) {
+  return most_open_buckets * BucketWriter::bytes() + CellPass::bytes(threads) + CellGrid::bytes(triangle_count);
 }
 
 Result<Partition> partition_triangles(BlockStore& store, TriangleBucket all, Lattice& lattice,

@@ -41,7 +41,8 @@ struct Partition {
 struct PartitionConfig {
   std::uint64_t run_triangles = kRunTriangles;
   std::uint32_t most_open_buckets = 64;  ///< at least 2; each holds BucketWriter::bytes()
-  /// Called now and then with the triangles handled so far; an error ends the work.
+  unsigned threads = 1;                  ///< what comes out does not depend on them
+  /// Called now and then, from one thread at a time, with the triangles handled so far; an error ends the work.
   std::function<Status(std::uint64_t triangles)> progress;
 };
 
@@ -51,6 +52,6 @@ Result<Partition> partition_triangles(BlockStore& store, TriangleBucket all, Lat
                                       const PartitionConfig& config);
 
 /// Memory that the call takes beside the blocks.
-std::uint64_t partition_bytes(std::uint32_t most_open_buckets, std::uint64_t triangle_count);
+std::uint64_t partition_bytes(std::uint32_t most_open_buckets, unsigned threads, std::uint64_t triangle_count);
 
 }  // namespace raymill::storage

@@ -20,8 +20,7 @@ Result<TriangleBucket> BucketWriter::take() {
   return std::exchange(bucket_, {});
 }
 
-Result<std::vector<Triangle>> load(BlockStore& store, const TriangleBucket& bucket) {
-  std::vector<Triangle> triangles;
+Status load(BlockStore& store, const TriangleBucket& bucket, std::vector<Triangle>& triangles) {
   triangles.resize(bucket.count);
   std::size_t first = 0;
   for (std::size_t i = 0; i < bucket.blocks.size(); ++i) {
@@ -30,7 +29,7 @@ Result<std::vector<Triangle>> load(BlockStore& store, const TriangleBucket& buck
     store.release(bucket.blocks[i]);
     first += block.size();
   }
-  return triangles;
+  return {};
 }
 
 }  // namespace raymill::storage

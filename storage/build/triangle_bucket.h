@@ -28,8 +28,7 @@ struct TriangleBucket {
   Aabb box;
   Aabb middles;  ///< of the triangles' boxes
 
-  void note(const Triangle& t) {
-    const Aabb of_t = bounds(t);
+  void note(const Aabb& of_t) {
     box.grow(of_t);
     middles.grow(middle(of_t));
     ++count;
@@ -46,9 +45,11 @@ class BucketWriter {
   static constexpr std::uint64_t bytes() { return kBlockBytes; }
 
   /// Errors: disk_full, io.
-  Status add(const Triangle& t) {
+  Status add(const Triangle& t) { return add(t, bounds(t)); }
+  /// The same where the triangle's bounds are known.
+  Status add(const Triangle& t, const Aabb& box) {
     buffer_.reserve(kBlockTriangles);
-    bucket_.note(t);
+    bucket_.note(box);
     buffer_.push_back(t);
     return buffer_.size() == kBlockTriangles ? flush() : Status();
   }
@@ -62,22 +63,7 @@ class BucketWriter {
   std::vector<Triangle> buffer_;
 };
 
-/// Calls visit(span of triangles) -> Status for each block in order; with `consume` each block is freed after it.
-template <typename Visit>
-Status for_each_block(BlockStore& store, const TriangleBucket& bucket, bool consume, Visit&& visit) {
-  std::vector<Triangle> triangles(static_cast<std::size_t>(std::min<std::uint64_t>(kBlockTriangles, bucket.count)));
-  for (std::size_t i = 0; i < bucket.blocks.size(); ++i) {
-    const std::span<Triangle> block(triangles.data(), bucket.in_block(i));
-    RAYMILL_RETURN_IF_ERROR(store.read(bucket.blocks[i], std::as_writable_bytes(block)));
-    RAYMILL_RETURN_IF_ERROR(visit(block));
-    if (consume) {
-      store.release(bucket.blocks[i]);
-    }
-  }
-  return {};
-}
-
-/// All triangles of a bucket; its blocks are freed. Errors: io.
-Result<std::vector<Triangle>> load(BlockStore& store, const TriangleBucket& bucket);
+/// Fills `triangles` with all of a bucket; its blocks are freed. Errors: io.
+Status load(BlockStore& store, const TriangleBucket& bucket, std::vector<Triangle>& triangles);
 
 }  // namespace raymill::storage

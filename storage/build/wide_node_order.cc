@@ -22,31 +22,47 @@ std::array<unsigned, kMaxWidth> assign_slots(std::span<const Aabb> children, con
   order = static_cast<std::uint8_t>(axes[0] | axes[1] << 2);
   std::array<std::array<double, kMaxWidth>, kMaxWidth> gain{};
   for (std::size_t i = 0; i < children.size(); ++i) {
-    for (unsigned slot = 0; slot < width; ++slot) {
-      for (unsigned bit = 0; bit < bits; ++bit) {
-        const double offset = center(children[i], axes[bit]) - center(box, axes[bit]);
+    for (unsigned bit = 0; bit < bits; ++bit) {
+      const double offset = center(children[i], axes[bit]) - center(box, axes[bit]);
+      for (unsigned slot = 0; slot < width; ++slot) {
         gain[i][slot] += (slot >> bit & 1) != 0 ? offset : -offset;
       }
     }
   }
-  std::array<unsigned, kMaxWidth> slots{};
-  unsigned placed = 0, taken = 0;
-  for (std::size_t step = 0; step < children.size(); ++step) {
-    double best = -std::numeric_limits<double>::infinity();
-    std::size_t best_child = 0;
-    unsigned best_slot = 0;
-    for (std::size_t i = 0; i < children.size(); ++i) {
-      for (unsigned slot = 0; slot < width; ++slot) {
-        if ((placed >> i & 1) == 0 && (taken >> slot & 1) == 0 && gain[i][slot] > best) {
-          best = gain[i][slot];
-          best_child = i;
-          best_slot = slot;
-        }
+  // Each child's best free slot; it is looked for again only when another child took it.
+  std::array<unsigned, kMaxWidth> best_slot{};
+  std::array<double, kMaxWidth> best_gain{};
+  unsigned taken = 0;
+  const auto find_best = [&](std::size_t i) {
+    best_gain[i] = -std::numeric_limits<double>::infinity();
+    for (unsigned slot = 0; slot < width; ++slot) {
+      if ((taken >> slot & 1) == 0 && gain[i][slot] > best_gain[i]) {
+        best_gain[i] = gain[i][slot];
+        best_slot[i] = slot;
       }
     }
-    slots[best_child] = best_slot;
+  };
+  for (std::size_t i = 0; i < children.size(); ++i) {
+    find_best(i);
+  }
+  std::array<unsigned, kMaxWidth> slots{};
+  unsigned placed = 0;
+  for (std::size_t step = 0; step < children.size(); ++step) {
+    std::size_t best_child = children.size();
+    for (std::size_t i = 0; i < children.size(); ++i) {
+      if ((placed >> i & 1) == 0 && (best_child == children.size() || best_gain[i] > best_gain[best_child])) {
+        best_child = i;
+      }
+    }
+    const unsigned slot = best_slot[best_child];
+    slots[best_child] = slot;
     placed |= 1U << best_child;
-    taken |= 1U << best_slot;
+    taken |= 1U << slot;
+    for (std::size_t i = 0; i < children.size(); ++i) {
+      if ((placed >> i & 1) == 0 && best_slot[i] == slot) {
+        find_best(i);
+      }
+    }
   }
   return slots;
 }

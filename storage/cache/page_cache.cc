@@ -23,7 +23,7 @@ Result<std::unique_ptr<PageCache>> PageCache::create(const Config& config, Ledge
   RAYMILL_ASSIGN_OR_RETURN(BudgetReservation tables,
                            ledger.claim(Tag::directory, table_bytes(config.page_count, config.frame_count)));
   std::unique_ptr<PageCache> cache(new PageCache(config));
-  cache->arena_ = MappedMemory(frame_bytes);
+  cache->arena_ = MappedMemory(frame_bytes, MappedMemory::Pages::huge);
   if (cache->arena_.data() == nullptr) {
     return {ErrorCode::budget_exceeded,
             "the system has no address space for " + format_bytes(frame_bytes) + " of pages"};

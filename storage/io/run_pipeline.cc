@@ -2,7 +2,6 @@
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
@@ -15,18 +14,30 @@
 
 namespace raymill::storage {
 
-std::uint64_t run_build_bytes(std::uint64_t triangles, unsigned page_threads, std::uint32_t page_bytes) {
-  // The binary tree's build is the peak; the wide tree, the plan and the encoded pages that follow it are smaller. A
-  // page under way: its image, its streams and what the encoder makes of them.
+std::uint64_t run_build_bytes(std::uint64_t triangles) {
+  // The binary tree's build is the peak: Embree gives its memory back before the wide tree (15 B a triangle), the plan
+  // (12), the pages' vertices (6) and the encoded pages (10 to 30) come. Of the pages of runs before it the allocator
+  // keeps some.
   constexpr std::uint64_t kFixedBytes = 1 << 20;
-  return kFixedBytes + triangles * sizeof(Triangle) + binary_tree_build_bytes(triangles) +
-         std::uint64_t(page_threads) * page_bytes * 6;
+  constexpr std::uint64_t kKeptBytes = 16;
+  return kFixedBytes + triangles * (sizeof(Triangle) + kKeptBytes) + binary_tree_build_bytes(triangles);
 }
 
-// A run on its way through the stages.
+std::uint64_t page_build_bytes(std::uint32_t page_bytes, Codec codec) {
+  // Its image, what the image is made from, and the result.
+  return 3 * std::uint64_t(page_bytes) + PageEncoder::bytes(page_bytes, codec);
+}
+
+// A run on its way through the stages. Its place is used again: large arrays that come and go with every run cost the
+// system a tenth of the time.
 struct RunPipeline::Run {
+  explicit Run(const EmbreeDevice& device) : builder(device) {}
+
   std::uint32_t index = 0;
   Status status;
+  std::vector<Triangle> triangles;  // in the tree while it has them
+  BinaryTreeBuilder builder;
+  BinaryTree binary;
   WideTree tree;
   PagePlan plan;
   TreePlace place;
@@ -35,7 +46,11 @@ struct RunPipeline::Run {
 
 RunPipeline::RunPipeline(const Config& config, BlockStore& blocks, const Partition& partition, const TopTree& top,
                          StoreFileWriter& writer)
-    : config_(config), blocks_(blocks), partition_(partition), top_(top), writer_(writer) {}
+    : config_(config), blocks_(blocks), partition_(partition), top_(top), writer_(writer) {
+  for (unsigned i = 0; i < config.threads; ++i) {
+    encoders_.emplace_back(config.codec, config.positions);
+  }
+}
 
 Status RunPipeline::run() {
   RAYMILL_ASSIGN_OR_RETURN(EmbreeDevice device, EmbreeDevice::create());
@@ -44,40 +59,44 @@ Status RunPipeline::run() {
   Status failure;                    // of the last stage, which is serial
   std::atomic<bool> failed = false;  // for the first: a run too many is started at worst
   std::uint32_t next = 0;
-  using Item = std::shared_ptr<Run>;
+  // Runs leave in the order in which they came, so the oldest one's place is free when another begins.
+  std::vector<Run> places;
+  for (unsigned i = 0; i < config_.runs_at_once; ++i) {
+    places.emplace_back(*device_);
+  }
+  using Item = Run*;
   const auto first = tbb::make_filter<void, Item>(tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
     if (failed || next == partition_.runs.size()) {
       control.stop();
       return Item();
     }
-    auto item = std::make_shared<Run>();
+    const Item item = &places[next % places.size()];
     item->index = next++;
     return item;
   });
-  const auto building = tbb::make_filter<Item, Item>(tbb::filter_mode::parallel, [&](const Item& item) {
+  const auto building = tbb::make_filter<Item, Item>(tbb::filter_mode::parallel, [&](Item item) {
     build(*item);
     return item;
   });
-  const auto numbering = tbb::make_filter<Item, Item>(tbb::filter_mode::serial_in_order, [&](const Item& item) {
+  const auto numbering = tbb::make_filter<Item, Item>(tbb::filter_mode::serial_in_order, [&](Item item) {
     if (item->status.ok()) {
       number(*item);
     }
     return item;
   });
-  const auto encoding = tbb::make_filter<Item, Item>(tbb::filter_mode::parallel, [&](const Item& item) {
+  const auto encoding = tbb::make_filter<Item, Item>(tbb::filter_mode::parallel, [&](Item item) {
     if (item->status.ok()) {
       encode(*item);
     }
     return item;
   });
-  const auto writing = tbb::make_filter<Item, void>(tbb::filter_mode::serial_in_order, [&](const Item& item) {
+  const auto writing = tbb::make_filter<Item, void>(tbb::filter_mode::serial_in_order, [&](Item item) {
     if (failure.ok()) {
       failure = item->status.ok() ? write(*item) : item->status;
       failed = !failure.ok();
     }
   });
-  tbb::task_arena arena(static_cast<int>(config_.threads));
-  arena.execute(
+  arena_.execute(
       [&] { tbb::parallel_pipeline(config_.runs_at_once, first & building & numbering & encoding & writing); });
   return failure;
 }
@@ -104,7 +123,9 @@ Status RunPipeline::write_top() {
     top_nodes_.push_back(assembler.outer_node(node));
   }
   add_to_totals(top_.tree);
-  return write_pages(encode_pages(assembler, plan.pages.size()), place.numbers);
+  std::vector<EncodedPage> pages;
+  arena_.execute([&] { pages = encode_pages(assembler, plan.pages.size()); });
+  return write_pages(pages, place.numbers);
 }
 
 TreePlace RunPipeline::place_of(std::uint32_t run) const {
@@ -124,9 +145,9 @@ TreePlace RunPipeline::place_of(std::uint32_t run) const {
 
 void RunPipeline::build(Run& run) const {
   run.status = [&]() -> Status {
-    RAYMILL_ASSIGN_OR_RETURN(std::vector<Triangle> triangles, load(blocks_, partition_.runs[run.index]));
-    RAYMILL_ASSIGN_OR_RETURN(const BinaryTree binary, build_binary_tree(*device_, triangles));
-    run.tree = collapse(binary, std::move(triangles), config_.width, top_.places[run.index].levels);
+    RAYMILL_RETURN_IF_ERROR(load(blocks_, partition_.runs[run.index], run.triangles));
+    RAYMILL_RETURN_IF_ERROR(run.builder.build(run.triangles, run.binary));
+    run.tree = collapse(run.binary, std::move(run.triangles), config_.width, top_.places[run.index].levels);
     run.place = place_of(run.index);
     const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
     RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, page_cost(config_.width, config_.page_bytes, ancestors)));
@@ -145,20 +166,20 @@ void RunPipeline::number(Run& run) {
   next_page_ += static_cast<std::uint32_t>(others);
 }
 
-void RunPipeline::encode(Run& run) const {
+void RunPipeline::encode(Run& run) {
   const PageAssembler assembler(run.tree, run.plan, run.place);
   run.pages = encode_pages(assembler, run.plan.pages.size());
 }
 
-std::vector<RunPipeline::EncodedPage> RunPipeline::encode_pages(const PageAssembler& assembler,
-                                                                std::size_t count) const {
+std::vector<RunPipeline::EncodedPage> RunPipeline::encode_pages(const PageAssembler& assembler, std::size_t count) {
   std::vector<EncodedPage> pages(count);
   const auto encode_one = [&](std::size_t i) {
+    PageEncoder& encoder = encoders_[static_cast<std::size_t>(tbb::this_task_arena::current_thread_index())];
     auto image = assembler.assemble(static_cast<std::uint32_t>(i));
     pages[i].status = image ? check_boxes(image->data()) : image.status();
     if (pages[i].status.ok()) {
       pages[i].decoded_bytes = static_cast<std::uint32_t>(image->size());
-      pages[i].bytes = encode_page(*image, config_.codec, config_.positions);
+      pages[i].bytes = encoder.encode(*image);
     }
   };
   // Pages of one run side by side too, for scenes of a few runs; a thread that waits here takes no other run on.
@@ -174,9 +195,10 @@ Status RunPipeline::write_pages(const std::vector<EncodedPage>& pages, const Pag
   return {};
 }
 
-Status RunPipeline::write(const Run& run) {
+Status RunPipeline::write(Run& run) {
   RAYMILL_RETURN_IF_ERROR(write_pages(run.pages, run.place.numbers));
   add_to_totals(run.tree);
+  run.triangles = std::move(run.tree.triangles);
   return config_.progress ? config_.progress(totals_.triangles) : Status();
 }
 

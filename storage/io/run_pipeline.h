@@ -6,9 +6,10 @@
 // As many runs are under way as memory was claimed for. Thread-confined; its stages run on TBB's threads.
 #pragma once
 
+#include <tbb/task_arena.h>
+
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -21,11 +22,14 @@
 #include "storage/io/store_file_writer.h"
 #include "storage/pages/codec.h"
 #include "storage/pages/page_assembler.h"
+#include "storage/pages/page_encoder.h"
 
 namespace raymill::storage {
 
 /// Memory that one run takes while it is built and encoded.
-std::uint64_t run_build_bytes(std::uint64_t triangles, unsigned page_threads, std::uint32_t page_bytes);
+std::uint64_t run_build_bytes(std::uint64_t triangles);
+/// Memory that a thread takes for the page that it makes.
+std::uint64_t page_build_bytes(std::uint32_t page_bytes, Codec codec);
 
 /// Sums over all trees of a store.
 struct TreeTotals {
@@ -67,14 +71,16 @@ class RunPipeline {
   Status write_top();
   void build(Run& run) const;
   void number(Run& run);
-  void encode(Run& run) const;
-  Status write(const Run& run);
+  void encode(Run& run);
+  Status write(Run& run);
   [[nodiscard]] TreePlace place_of(std::uint32_t run) const;
-  [[nodiscard]] std::vector<EncodedPage> encode_pages(const PageAssembler& assembler, std::size_t count) const;
+  [[nodiscard]] std::vector<EncodedPage> encode_pages(const PageAssembler& assembler, std::size_t count);
   Status write_pages(const std::vector<EncodedPage>& pages, const PageNumbers& numbers);
   void add_to_totals(const WideTree& tree);
 
   const Config config_;
+  tbb::task_arena arena_{static_cast<int>(config_.threads)};
+  std::vector<PageEncoder> encoders_;  // [thread of the arena]
   BlockStore& blocks_;
   const Partition& partition_;
   const TopTree& top_;

@@ -1,8 +1,5 @@
 #include "storage/io/store_builder.h"
 
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <thread>
@@ -77,15 +74,16 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       probe_(std::move(probe)),
       ledger_(config.memory),
       blocks_(ledger_, temporary_folder(probe_)),
-      spool_(blocks_) {}
+      spool_(blocks_, plan_.threads > 1) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
+  RAYMILL_ASSIGN_OR_RETURN(spool_claim_, ledger_.claim(Tag::build, spool_.bytes()));
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
-  const std::uint64_t one_run = run_build_bytes(run_triangles_, 1, config_.page_bytes);
-  blocks_.keep_free(std::max(rest / 4, std::min(rest, one_run * plan_.threads)));
+  const std::uint64_t a_thread = run_build_bytes(run_triangles_) + page_build_bytes(config_.page_bytes, plan_.codec);
+  blocks_.keep_free(std::max(rest / 4, std::min(rest, a_thread * plan_.threads)));
   return {};
 }
 
@@ -97,9 +95,7 @@ Status StoreBuilder::step(const char* phase, double fraction) const {
 }
 
 Status StoreBuilder::add(std::span<const Triangle> triangles) {
-  for (const Triangle& t : triangles) {
-    RAYMILL_RETURN_IF_ERROR(spool_.add(t));
-  }
+  RAYMILL_RETURN_IF_ERROR(spool_.add(triangles));
   return step("import", import_fraction_);
 }
 
@@ -112,19 +108,21 @@ Status StoreBuilder::needs(std::uint64_t triangles, std::uint64_t bytes) const {
 Result<Partition> StoreBuilder::partition(Lattice& lattice) {
   RAYMILL_RETURN_IF_ERROR(step("partition", 0));
   RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
+  spool_claim_ = {};
   lattice = Lattice(plan_.positions, all.box);
   if (all.count <= run_triangles_ && !lattice.active()) {
-    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles_, kLeastOpenBuckets, {}});
+    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles_, kLeastOpenBuckets, 1, {}});
   }
   PartitionConfig config;
   config.run_triangles = run_triangles_;
   config.most_open_buckets = kLeastOpenBuckets;
+  config.threads = plan_.threads;
   const std::uint64_t useful = all.count / run_triangles_ * 8 + 2;  // parts have an eighth of a run or more
   while (config.most_open_buckets < std::min<std::uint64_t>(kMostOpenBuckets, useful) &&
-         partition_bytes(config.most_open_buckets * 2, all.count) <= ledger_.free_bytes()) {
+         partition_bytes(config.most_open_buckets * 2, config.threads, all.count) <= ledger_.free_bytes()) {
     config.most_open_buckets *= 2;
   }
-  const std::uint64_t bytes = partition_bytes(config.most_open_buckets, all.count);
+  const std::uint64_t bytes = partition_bytes(config.most_open_buckets, config.threads, all.count);
   const Result<BudgetReservation> claim = ledger_.claim(Tag::build, bytes);
   if (!claim) {
     return needs(all.count, base_.bytes() + blocks_.memory_bytes() + bytes);
@@ -183,24 +181,25 @@ Result<BuildReport> StoreBuilder::finish() {
   for (const TriangleBucket& run : parts.runs) {
     largest_run = std::max(largest_run, run.count);
   }
-  RunPipeline::Config config{config_.width,
-                             config_.page_bytes,
-                             plan_.codec,
-                             {lattice.active(), lattice.step_exponent()},
-                             plan_.threads,
-                             1,
-                             {}};
-  const std::uint64_t per_run = run_build_bytes(largest_run, plan_.threads, config_.page_bytes);
   // The directory grows by doubling; decoded pages hold 20 bytes a triangle or more.
   const std::uint64_t directory = 2 * sizeof(PageEntry) * (root.count * 40 / config_.page_bytes + 64);
+  const std::uint64_t a_run = run_build_bytes(largest_run);
+  const std::uint64_t a_page = page_build_bytes(config_.page_bytes, plan_.codec);
+  const std::uint64_t free = ledger_.free_bytes() - std::min(ledger_.free_bytes(), directory);
+  const auto threads =
+      static_cast<unsigned>(std::clamp<std::uint64_t>((free - std::min(free, a_run)) / a_page, 1, plan_.threads));
   // A run more than threads, so that one is read while the others are built.
-  const std::uint64_t most_runs = std::min<std::uint64_t>(parts.runs.size(), plan_.threads + 1);
-  config.runs_at_once = static_cast<unsigned>(std::clamp<std::uint64_t>(
-      (ledger_.free_bytes() - std::min(ledger_.free_bytes(), directory)) / per_run, 1, most_runs));
-  const Result<BudgetReservation> claim = ledger_.claim(Tag::build, directory + config.runs_at_once * per_run);
+  const auto most_runs = static_cast<unsigned>(std::min<std::uint64_t>(parts.runs.size(), threads + 1));
+  const std::uint64_t left = free - std::min(free, threads * a_page);
+  const auto runs_at_once = static_cast<unsigned>(std::clamp<std::uint64_t>(left / a_run, 1, most_runs));
+  const Result<BudgetReservation> claim =
+      ledger_.claim(Tag::build, directory + threads * a_page + runs_at_once * a_run);
   if (!claim) {
-    return needs(root.count, base_.bytes() + blocks_.memory_bytes() + directory + per_run);
+    return needs(root.count, base_.bytes() + blocks_.memory_bytes() + directory + a_page + a_run);
   }
+  RunPipeline::Config config{
+      config_.width, config_.page_bytes, plan_.codec, {lattice.active(), lattice.step_exponent()},
+      threads,       runs_at_once,       {}};
   config.progress = [&](std::uint64_t done) { return step("build", double(done) / double(root.count)); };
   RunPipeline pipeline(config, blocks_, parts, top, writer);
   RAYMILL_RETURN_IF_ERROR(pipeline.run());
@@ -224,7 +223,7 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.nodes = totals.nodes;
   report_.levels = totals.levels;
   report_.runs = parts.runs.size();
-  report_.runs_at_once = config.runs_at_once;
+  report_.runs_at_once = runs_at_once;
   const double root_area = root.box.half_area();
   report_.sah_cost = root_area > 0 ? 1 + totals.area_cost / root_area : 0;
   report_.store_bytes = writer.written_bytes();

@@ -20,7 +20,7 @@
 #include "storage/base/status.h"
 #include "storage/build/partition.h"
 #include "storage/build/top_tree.h"
-#include "storage/build/triangle_bucket.h"
+#include "storage/build/triangle_spool.h"
 #include "storage/import/scene_import.h"
 #include "storage/io/build_store.h"
 #include "storage/io/store_file_writer.h"
@@ -70,7 +70,8 @@ class StoreBuilder final : public TriangleSink {
   Ledger ledger_;
   BudgetReservation base_;
   BlockStore blocks_;
-  BucketWriter spool_;
+  TriangleSpool spool_;
+  BudgetReservation spool_claim_;
   ImportReport import_report_;
   BuildReport report_;
   double import_fraction_ = 0;

@@ -1,7 +1,6 @@
 #include "storage/pages/codec.h"
 
 #include <lz4.h>
-#include <lz4hc.h>
 #include <zstd.h>
 
 #include <algorithm>
@@ -13,22 +12,6 @@
 
 namespace raymill::storage {
 namespace {
-
-constexpr int kZstdLevel = 5;
-
-EncodedHeader encoded_header(const PageHeader& header, Codec codec) {
-  EncodedHeader encoded;
-  encoded.codec = static_cast<std::uint8_t>(codec);
-  encoded.width = header.width;
-  encoded.geometry_index_bytes = header.geometry_index_bytes;
-  encoded.node_count = header.node_count;
-  encoded.ghost_count = header.ghost_count;
-  encoded.external_count = header.external_count;
-  encoded.triangle_count = header.triangle_count;
-  encoded.vertex_count = header.vertex_count;
-  encoded.geometry_count = header.geometry_count;
-  return encoded;
-}
 
 PageHeader page_header(const EncodedHeader& encoded) {
   PageHeader header;
@@ -42,21 +25,6 @@ PageHeader page_header(const EncodedHeader& encoded) {
   header.geometry_count = encoded.geometry_count;
   lay_out(header);
   return header;
-}
-
-std::vector<std::byte> compress(std::span<const std::byte> bytes, Codec codec) {
-  std::vector<std::byte> out;
-  if (codec == Codec::lz4) {
-    out.resize(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(bytes.size()))));
-    const int size =
-        LZ4_compress_HC(reinterpret_cast<const char*>(bytes.data()), reinterpret_cast<char*>(out.data()),
-                        static_cast<int>(bytes.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT);
-    out.resize(static_cast<std::size_t>(size));
-  } else {
-    out.resize(ZSTD_compressBound(bytes.size()));
-    out.resize(ZSTD_compress(out.data(), out.size(), bytes.data(), bytes.size(), kZstdLevel));
-  }
-  return out;
 }
 
 Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page ") + what}; }
@@ -107,41 +75,6 @@ std::optional<Codec> parse_codec(std::string_view text) {
     }
   }
   return std::nullopt;
-}
-
-std::vector<std::byte> encode_page(std::span<const std::byte> image, Codec codec, const PositionKind& positions) {
-  const PageView view(image.data());
-  std::vector<std::byte> streams, mesh, payload;
-  if (codec == Codec::raw) {
-    payload.assign(image.begin() + sizeof(PageHeader), image.end());
-  } else {
-    write_structure(view, streams);
-    if (codec == Codec::draco) {
-      if (auto encoded = encode_draco(view, positions, streams); encoded) {
-        mesh = std::move(*encoded);
-      } else {
-        codec = Codec::zstd;
-      }
-    }
-    if (codec != Codec::draco) {
-      write_geometry(view, positions, streams);
-    }
-    const std::vector<std::byte> compressed = compress(streams, codec);
-    if (codec == Codec::draco) {
-      const auto mesh_bytes = static_cast<std::uint32_t>(mesh.size());
-      payload.resize(sizeof mesh_bytes);
-      std::memcpy(payload.data(), &mesh_bytes, sizeof mesh_bytes);
-      payload.insert(payload.end(), mesh.begin(), mesh.end());
-    }
-    payload.insert(payload.end(), compressed.begin(), compressed.end());
-  }
-  EncodedHeader header = encoded_header(view.header(), codec);
-  header.streams_bytes = static_cast<std::uint32_t>(streams.size());
-  header.payload_bytes = static_cast<std::uint32_t>(payload.size());
-  std::vector<std::byte> out(sizeof header + payload.size());
-  std::memcpy(out.data(), &header, sizeof header);
-  std::copy(payload.begin(), payload.end(), out.begin() + sizeof header);
-  return out;
 }
 
 struct PageDecoder::Scratch {

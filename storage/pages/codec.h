@@ -51,9 +51,6 @@ struct EncodedHeader {
 };
 static_assert(sizeof(EncodedHeader) == 36 && std::is_trivially_copyable_v<EncodedHeader>);
 
-/// Encodes a valid image; falls back to zstd where `codec` is draco and Draco loses anything.
-std::vector<std::byte> encode_page(std::span<const std::byte> image, Codec codec, const PositionKind& positions);
-
 /// Decoder with its scratch memory. Thread-confined.
 class PageDecoder {
  public:

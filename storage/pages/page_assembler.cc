@@ -8,7 +8,6 @@
 #include <string>
 #include <unordered_map>
 
-#include "storage/base/position_map.h"
 #include "storage/pages/box_quantizer.h"
 #include "storage/pages/page_image.h"
 
@@ -164,23 +163,33 @@ class Assembly {
   }
 
   PageBuffer write() {
-    PositionMap positions(triangles_.size() + 8);
+    std::vector<Vec3f> positions(triangles_.size() * 3);
     std::map<std::uint32_t, std::uint32_t> geometries;  // sorted: the table does not depend on the order of nodes
     std::vector<std::uint16_t> indices;
     indices.reserve(triangles_.size() * 3);
-    for (const std::uint32_t t : triangles_) {
-      for (const Vec3f& p : tree_.triangles[t].v) {
-        indices.push_back(static_cast<std::uint16_t>(positions.insert(p)));
+    std::uint32_t vertex_count = 0;
+    const std::uint32_t* last_geometry = nullptr;
+    for (const std::uint32_t index : triangles_) {
+      const Triangle& t = tree_.triangles[index];
+      for (std::size_t corner = 0; corner < 3; ++corner) {
+        const std::uint16_t vertex = assembler_.vertex_of(index, corner);
+        indices.push_back(vertex);
+        positions[vertex] = t.v[corner];
+        vertex_count = std::max(vertex_count, vertex + 1U);
       }
-      geometries.emplace(tree_.triangles[t].geometry_id, 0);
+      if (last_geometry == nullptr || *last_geometry != t.geometry_id) {
+        geometries.emplace(t.geometry_id, 0);
+      }
+      last_geometry = &t.geometry_id;
     }
+    positions.resize(vertex_count);
     PageHeader header;
     header.width = N;
     header.node_count = static_cast<std::uint16_t>(locals_.size());
     header.ghost_count = static_cast<std::uint16_t>(ghosts_.size());
     header.external_count = static_cast<std::uint32_t>(externals_.size());
     header.triangle_count = static_cast<std::uint32_t>(triangles_.size());
-    header.vertex_count = static_cast<std::uint32_t>(positions.size());
+    header.vertex_count = vertex_count;
     header.geometry_count = static_cast<std::uint32_t>(geometries.size());
     header.geometry_index_bytes = geometries.size() <= 1 ? 0 : geometries.size() <= 256 ? 1 : 2;
     lay_out(header);
@@ -194,7 +203,7 @@ class Assembly {
     };
     copy(header.nodes_offset, nodes_);
     copy(header.externals_offset, externals_);
-    copy(header.vertices_offset, positions.positions());
+    copy(header.vertices_offset, positions);
     copy(header.indices_offset, indices);
     write_ids(header, geometries, image);
     return image;
@@ -206,14 +215,17 @@ class Assembly {
       index = next++;
       std::memcpy(image.data() + header.geometries_offset + index * sizeof id, &id, sizeof id);
     }
+    auto geometry = geometries.end();
     for (std::size_t i = 0; i < triangles_.size(); ++i) {
       const Triangle& t = tree_.triangles[triangles_[i]];
       std::memcpy(image.data() + header.primitive_ids_offset + i * sizeof t.primitive_id, &t.primitive_id,
                   sizeof t.primitive_id);
       if (header.geometry_index_bytes != 0) {
-        const std::uint32_t index = geometries.at(t.geometry_id);
+        if (geometry == geometries.end() || geometry->first != t.geometry_id) {
+          geometry = geometries.find(t.geometry_id);
+        }
         // Little-endian: the low bytes come first.
-        std::memcpy(image.data() + header.geometry_indices_offset + i * header.geometry_index_bytes, &index,
+        std::memcpy(image.data() + header.geometry_indices_offset + i * header.geometry_index_bytes, &geometry->second,
                     header.geometry_index_bytes);
       }
     }
@@ -301,6 +313,35 @@ PageAssembler::PageAssembler(const WideTree& tree, const PagePlan& plan, const T
   for (const auto& page : plan.pages) {
     for (std::size_t i = 0; i < page.size(); ++i) {
       local_index_[page[i]] = static_cast<std::uint16_t>(i);
+    }
+  }
+  number_vertices();
+}
+
+// Triangles stand in a page as its nodes and their slots do.
+void PageAssembler::number_vertices() {
+  constexpr std::uint32_t kNever = 0xFFFFFFFFu;
+  std::vector<std::uint32_t> last_page(1U << 16, kNever);
+  std::vector<std::uint16_t> number(1U << 16);
+  vertex_of_corner_.resize(plan_.corners.size());
+  for (std::uint32_t page = 0; page < plan_.pages.size(); ++page) {
+    std::uint32_t next = 0;
+    const auto visit = [&](std::size_t corner) {
+      const std::uint16_t position = plan_.corners[corner];
+      const bool is_new = last_page[position] != page;  // no branch: half of the corners are
+      number[position] = is_new ? static_cast<std::uint16_t>(next) : number[position];
+      last_page[position] = page;
+      vertex_of_corner_[corner] = number[position];
+      next += is_new ? 1 : 0;
+    };
+    for (const std::uint32_t index : plan_.pages[page]) {
+      const WideNode& node = tree_.nodes[index];
+      for (unsigned slot = 0; slot < tree_.width; ++slot) {
+        const std::size_t first = std::size_t(node.child[slot]) * 3;
+        for (std::size_t corner = first; corner < first + 3U * node.count[slot]; ++corner) {
+          visit(corner);
+        }
+      }
     }
   }
 }

@@ -47,6 +47,10 @@ class PageAssembler {
 
   /// How other pages refer to a node's child.
   [[nodiscard]] ExternalRef reference_to(std::uint32_t node, unsigned slot) const;
+  /// Vertex in its page of a triangle's corner: vertices are numbered by first use.
+  [[nodiscard]] std::uint16_t vertex_of(std::size_t triangle, std::size_t corner) const {
+    return vertex_of_corner_[triangle * 3 + corner];
+  }
   /// What ghosts of a node are made of.
   [[nodiscard]] OuterNode outer_node(std::uint32_t node) const;
 
@@ -54,10 +58,13 @@ class PageAssembler {
   [[nodiscard]] Result<PageBuffer> assemble(std::uint32_t page) const;
 
  private:
+  void number_vertices();
+
   const WideTree& tree_;
   const PagePlan& plan_;
   const TreePlace& place_;
-  std::vector<std::uint16_t> local_index_;  // of each node in its page
+  std::vector<std::uint16_t> local_index_;       // of each node in its page
+  std::vector<std::uint16_t> vertex_of_corner_;  // [3 * triangle]
 };
 
 /// Depth-first walk of all pages' boxes: each decoded box holds every triangle below it inside its page. Used by

@@ -47,6 +47,9 @@ struct PageHeader {
   std::uint32_t reserved = 0;
 };
 static_assert(sizeof(PageHeader) == 64 && std::is_trivially_copyable_v<PageHeader>);
+/// Nodes come first, so a reference's target is known without a look at the header.
+constexpr std::uint32_t kNodesOffset = sizeof(PageHeader);
+static_assert(kNodesOffset % kPageAlignment == 0);
 
 /// What a child reference in another page names.
 enum class ExternalKind : std::uint8_t {
@@ -102,13 +105,17 @@ class PageView {
   [[nodiscard]] const PageHeader& header() const { return *reinterpret_cast<const PageHeader*>(image_); }
   template <int N>
   [[nodiscard]] const Node<N>* nodes() const {
-    return reinterpret_cast<const Node<N>*>(image_ + header().nodes_offset);
+    return reinterpret_cast<const Node<N>*>(image_ + kNodesOffset);
   }
   [[nodiscard]] const ExternalRef* externals() const { return at<ExternalRef>(header().externals_offset); }
   [[nodiscard]] const Vec3f* vertices() const { return at<Vec3f>(header().vertices_offset); }
   /// Three corners for each triangle.
   [[nodiscard]] const std::uint16_t* indices() const { return at<std::uint16_t>(header().indices_offset); }
   [[nodiscard]] const std::uint32_t* primitive_ids() const { return at<std::uint32_t>(header().primitive_ids_offset); }
+  /// Where a triangle's geometry index stands, or something near where all triangles have one geometry.
+  [[nodiscard]] const std::byte* geometry_index(std::uint32_t triangle) const {
+    return image_ + header().geometry_indices_offset + std::uint64_t(triangle) * header().geometry_index_bytes;
+  }
   [[nodiscard]] std::uint32_t geometry_id(std::uint32_t triangle) const {
     const auto* table = at<std::uint32_t>(header().geometries_offset);
     switch (header().geometry_index_bytes) {

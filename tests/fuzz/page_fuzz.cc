@@ -29,11 +29,6 @@ constexpr unsigned kLevels = 4;
 void run_rays(const std::byte* image, const PageRules& rules) {
   const std::atomic<const std::byte*> images[] = {image};
   std::atomic<std::uint8_t> touched[] = {0};
-  const HitLayout layout(Field::all);
-  std::byte row[36];
-  const float* tnears[] = {nullptr};
-  std::byte* bases[] = {row};
-  const traversal::RowTable rows{0, layout.row_bytes(), layout, bases, nullptr, tnears};
   for (const traversal::Isa isa : traversal::runnable_isas()) {
     for (const Query query : {Query::closest, Query::any}) {
       for (const Mode mode : {Mode::watertight, Mode::fast}) {
@@ -41,8 +36,7 @@ void run_rays(const std::byte* image, const PageRules& rules) {
         ray.org = {0.1F, 0.2F, -5};
         ray.dir = {0.01F, -0.0F, 1};
         ray.tfar = std::numeric_limits<float>::max();
-        layout.write({}, row);
-        traversal::KernelContext context{images, touched, &rows, true, {}, false};
+        traversal::KernelContext context{images, touched, true, {}, false};
         traversal::find_kernel(isa, {query, mode, rules.width, rules.width * rules.levels > 64})(context, {&ray, 1});
         // The one page is there, so nothing is left to wait for.
         if (!ray.done) {

@@ -82,7 +82,7 @@ class Stress:
         self.options = options
         self.ways = {option: choices(options.raymill, option) for option in ["--io", *POLICY_OPTIONS]}
         self.ways = {option: values for option, values in self.ways.items() if values}
-        self.ways["--isa"] = ["scalar", "avx2"]
+        self.ways["--isa"] = ["scalar", "avx2", "avx512"]
         self.cgroup_refusal = MemoryCgroup.refusal()
         self.refused = set()  # values of options that this machine has not: once told, not drawn again
         self.traces = self.pages_read = self.pages_again = 0

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <limits>
 #include <memory>
@@ -48,37 +49,52 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
   Random random(run.seed);
 
   KernelHits result;
-  for (const Ray& ray : rays) {
-    Hit miss;
-    if (!TraceJob::valid(ray)) {
-      miss.t = std::numeric_limits<float>::quiet_NaN();
-      result.hits.push_back(miss);
-      continue;
+  result.hits.resize(rays.size());
+  std::vector<RayState> waiting, together;
+  for (std::size_t begin = 0; begin < rays.size(); begin += run.batch_rays) {
+    waiting.clear();
+    for (std::size_t i = begin; i < std::min(begin + run.batch_rays, rays.size()); ++i) {
+      if (!TraceJob::valid(rays[i])) {
+        result.hits[i].t = std::numeric_limits<float>::quiet_NaN();
+        continue;
+      }
+      RayState& state = waiting.emplace_back();
+      state.org = rays[i].org;
+      state.dir = rays[i].dir;
+      state.tnear = rays[i].tnear;
+      state.tfar = std::min(rays[i].tfar, std::numeric_limits<float>::max());
+      state.number = static_cast<std::uint32_t>(i);
+      state.page = pages.root_page;
+      state.node = pages.root_node;
     }
-    RayState state;
-    state.org = ray.org;
-    state.dir = ray.dir;
-    state.tnear = ray.tnear;
-    state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
-    state.page = pages.root_page;
-    state.node = pages.root_node;
-    while (!state.done) {
+    while (!waiting.empty()) {
+      const std::uint32_t here = waiting.front().page;
+      const auto others = std::stable_partition(waiting.begin(), waiting.end(),
+                                                [here](const RayState& state) { return state.page == here; });
+      together.assign(waiting.begin(), others);
+      waiting.erase(waiting.begin(), others);
       for (std::size_t page = 0; page < page_count; ++page) {
-        const bool there = page == state.page || run.residency == Residency::all ||
+        const bool there = page == here || run.residency == Residency::all ||
                            (run.residency == Residency::random && random.below(2) == 0);
         images[page].store(there ? pages.images[page].data() : nullptr);
       }
       KernelContext context{images.get(), touched.get(), true, {}, false};
-      kernel(context, {&state, 1});
+      kernel(context, together);
       result.corrupt = result.corrupt || context.corrupt;
-      if (!state.done) {
+      result.counters.nodes_visited += context.counters.nodes_visited;
+      result.counters.triangles_tested += context.counters.triangles_tested;
+      for (RayState& state : together) {
+        if (state.done) {
+          result.hits[state.number] = state.hit;
+          continue;
+        }
         const std::uint32_t page = state.page;
         records.pack(state, record.data());
         records.unpack(record.data(), state);
         state.page = page;
+        waiting.push_back(state);
       }
     }
-    result.hits.push_back(state.hit);
   }
   return result;
 }

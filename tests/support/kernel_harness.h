@@ -33,14 +33,17 @@ struct KernelRun {
   Mode mode = Mode::watertight;
   Residency residency = Residency::all;
   std::uint64_t seed = 1;
-  bool wide_stack = true;  ///< the 128-bit bitstack even where 64 bits suffice
+  bool wide_stack = true;      ///< the 128-bit bitstack even where 64 bits suffice
+  std::size_t batch_rays = 1;  ///< rays that the kernel is given at once
 };
 struct KernelHits {
   std::vector<Hit> hits;
+  traversal::KernelCounters counters;
   bool corrupt = false;
 };
 
-/// Traces the rays one by one; between two calls of the kernel a ray is packed to a record and unpacked again.
+/// Traces the rays batch by batch; between two calls of the kernel a ray is packed to a record and unpacked again. Of a
+/// batch's rays those run together that wait for the page of the first that is not done.
 KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const KernelRun& run);
 
 }  // namespace raymill::tests

@@ -14,9 +14,10 @@ storage::WideTree build_tree(const Scene& scene, unsigned width) {
   const auto device = storage::EmbreeDevice::create();
   EXPECT_TRUE(device.ok()) << device.status().message();
   std::vector<Triangle> triangles = triangles_of(scene);
-  auto binary = storage::build_binary_tree(*device, triangles);
-  EXPECT_TRUE(binary.ok()) << binary.status().message();
-  return storage::collapse(*binary, std::move(triangles), width, {0, storage::max_levels(width)});
+  storage::BinaryTree binary;
+  const Status status = storage::BinaryTreeBuilder(*device).build(triangles, binary);
+  EXPECT_TRUE(status.ok()) << status.message();
+  return storage::collapse(binary, std::move(triangles), width, {0, storage::max_levels(width)});
 }
 
 Pages build_pages(const Scene& scene, unsigned width, std::uint32_t page_bytes) {

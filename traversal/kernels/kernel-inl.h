@@ -1,12 +1,25 @@
 // The traversal kernel, compiled once per ISA. The includer defines RAYMILL_ISA and includes its simd header first.
 //
-// Stackless MBVH traversal after Afra & Szirmay-Kalos 2014, section 3: the only state is the bitstack and the place.
+// MBVH traversal after Afra & Szirmay-Kalos 2014, section 3: a ray's state is the bitstack and the place, so it can
+// stop before any node.
 //   visit      test a node's boxes; the mask of those hit goes to the bitstack at the node's level
-//   pop        the deepest level with a bit set; climb to the node of that level by parent links
+//   advance    pop: the deepest level with a bit set, there the first child in the ray's octant order
 //   leaf       test its triangles
 //   suspend    the next node's page is not there: the ray waits for it
 // Where we differ: the order is the slots' octant order, not circular from the nearest child; ghosts (copies of
-// ancestors) stand in each page, so climbing never leaves it.
+// ancestors) stand in each page, so climbing never leaves it; while a ray is at work its lane remembers the nodes of
+// its path (lane-inl.h).
+//
+// Rays are interleaved, for a step's memory is the next one's wait: each of kLanes rays makes one step, asks for what
+// its next step reads, and waits its turn in the list of that step.
+//
+//        +------------------------------- advance ------------------------------+
+//        |             |                          |                             |
+//        v             v                          v                             v
+//      visit    fetch: corners' indices    follow: the reference             finished -> next ray
+//        |             v                          v
+//        |      test: the triangles         enter: the node, or suspended -> next ray
+//        +-------------+--------------------------+
 #pragma once
 
 #include <bit>
@@ -14,48 +27,13 @@
 
 #include "storage/pages/page_image.h"
 #include "traversal/kernel.h"
+#include "traversal/kernels/lane-inl.h"
 #include "traversal/kernels/triangle-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
 using storage::ExternalKind;
-using storage::ExternalRef;
-using storage::Node;
 using storage::PageView;
-
-// Bitstack in one word or two.
-template <int N, bool Wide>
-class Stack {
- public:
-  explicit Stack(Bitstack& bits) : bits_(bits) {}
-
-  void set(unsigned level, unsigned mask) {
-    if constexpr (Wide) {
-      bits_.words[level / kLevelsPerWord] |= std::uint64_t(mask) << (level % kLevelsPerWord * N);
-    } else {
-      bits_.words[0] |= std::uint64_t(mask) << (level * N);
-    }
-  }
-  void clear(unsigned level, unsigned slot) {
-    bits_.words[level / kLevelsPerWord] &= ~(std::uint64_t(1) << (level % kLevelsPerWord * N + slot));
-  }
-  [[nodiscard]] unsigned mask(unsigned level) const {
-    return static_cast<unsigned>(bits_.words[level / kLevelsPerWord] >> (level % kLevelsPerWord * N)) & ((1U << N) - 1);
-  }
-  /// Deepest level with a bit set, or -1.
-  [[nodiscard]] int deepest() const {
-    if constexpr (Wide) {
-      if (bits_.words[1] != 0) {
-        return kLevelsPerWord + (63 - std::countl_zero(bits_.words[1])) / N;
-      }
-    }
-    return bits_.words[0] == 0 ? -1 : (63 - std::countl_zero(bits_.words[0])) / N;
-  }
-
- private:
-  static constexpr int kLevelsPerWord = 64 / N;
-  Bitstack& bits_;
-};
 
 // kFirst[octant][mask]: the slot of mask that comes first when slots are visited by rising slot XOR octant.
 struct FirstSlotTable {
@@ -82,245 +60,363 @@ unsigned first_slot(const Node<N>& node, unsigned octant, unsigned mask) {
   return kFirst.slot[octant][mask];
 }
 
-// The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar].
+// The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar], and where it begins.
 template <int N>
-unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar) {
-  using Lanes = Floats<N>;
-  Lanes entry = Lanes::broadcast(tnear);
-  Lanes exit = Lanes::broadcast(std::numeric_limits<float>::infinity());
+[[gnu::always_inline]] inline unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar,
+                                                  std::array<float, N>& entries) {
+  auto interval = NearFar<N>::broadcast(tnear, std::numeric_limits<float>::infinity());
   for (int axis = 0; axis < 3; ++axis) {
-    const bool negative = (ray.octant >> axis & 1) != 0;
-    const auto& near_q = negative ? node.upper[axis] : node.lower[axis];
-    const auto& far_q = negative ? node.lower[axis] : node.upper[axis];
-    const Lanes base = Lanes::broadcast(node.base[axis]);
-    const Lanes scale =
-        Lanes::broadcast(std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23));
-    const Lanes org = Lanes::broadcast(ray.org[axis]);
-    const Lanes rdir = Lanes::broadcast(ray.rdir[axis]);
-    const Lanes near = (base + Lanes::from_bytes(near_q.data()) * scale - org) * rdir;
-    const Lanes far = (base + Lanes::from_bytes(far_q.data()) * scale - org) * rdir;
-    entry = max_keep(near, entry);
-    exit = min_keep(far, exit);
+    const float scale = std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23);
+    const auto planes = NearFar<N>::from_bytes(node.lower, node.upper, axis, (ray.octant >> axis & 1) != 0);
+    interval.tighten((planes * scale + node.base[axis] - ray.org[axis]) * ray.rdir[axis]);
   }
-  exit = exit + abs(exit) * Lanes::broadcast(kExitPad);
-  return less_equal(entry, min_keep(exit, Lanes::broadcast(tfar))) & node.valid;
+  Floats<N> exit = interval.far();
+  exit = exit + abs(exit) * Floats<N>::broadcast(kExitPad);
+  interval.near().store(entries.data());
+  return less_equal(interval.near(), min_keep(exit, Floats<N>::broadcast(tfar))) & node.valid;
 }
 
+inline void prefetch(const void* address) { __builtin_prefetch(address); }
+
+/// What a ray does next.
+enum Step : unsigned { kVisit, kFetch, kFollow, kTest, kEnter, kReport, kStepCount };
+
+// Lanes by their next step.
+template <typename L, unsigned kCapacity>
+struct StepLists {
+  std::array<std::array<L*, kCapacity>, kStepCount> lanes;
+  std::array<unsigned, kStepCount> count{};
+
+  void add(unsigned step, L* lane) { lanes[step][count[step]++] = lane; }
+  [[nodiscard]] bool empty() const { return count == std::array<unsigned, kStepCount>{}; }
+};
+
 template <int N, bool Wide, Query kQuery, Mode kMode>
-class Tracer {
+class Batch {
  public:
-  Tracer(KernelContext& context, RayState& ray)
-      : context_(context), ray_(ray), frame_(make_frame(ray.org, ray.dir)), stack_(ray.stack) {}
+  Batch(KernelContext& context, std::span<RayState> rays) : context_(context), rays_(rays) {}
 
   void run() {
-    if (!enter_page(ray_.page, ray_.node)) {
-      return;
+    for (RayLane& lane : lanes_) {
+      take_ray(&lane);
     }
-    if (ray_.resume == Resume::enter) {
-      visit();
+    for (unsigned round = 0; !lists_[round & 1].empty(); ++round) {
+      // What steps add is for the next round: their memory is on its way by then.
+      Lists& now = lists_[round & 1];
+      next_ = &lists_[(round + 1) & 1];
+      counters_.nodes_visited += now.count[kVisit];
+      each(now, kVisit, [this](RayLane* lane) { visit(lane); });
+      each(now, kFetch, [this](RayLane* lane) { fetch(lane); });
+      each(now, kTest, [this](RayLane* lane) { test_leaf(lane); });
+      each(now, kFollow, [this](RayLane* lane) { follow(lane); });
+      each(now, kEnter, [this](RayLane* lane) { enter(lane); });
+      each(now, kReport, [this](RayLane* lane) { report(lane); });
     }
-    while (!ray_.done && pop()) {
-    }
+    context_.counters.nodes_visited += counters_.nodes_visited;
+    context_.counters.triangles_tested += counters_.triangles_tested;
   }
 
  private:
-  const Node<N>& node() const { return nodes_[at_]; }
+  static constexpr unsigned kLanes = 24;  // speed.md: fewer wait for memory, more push each other out of the caches
+  static constexpr std::uint32_t kCornersBytes = 3 * sizeof(std::uint16_t);
+  static constexpr std::uint32_t kLineBytes = 64;  // neither a node nor a leaf's indices lie in more than two lines
+  using RayLane = Lane<N, Wide>;
+  using Lists = StepLists<RayLane, kLanes>;
 
-  // Makes the page of the next node current; false: it is not resident, the ray waits for it.
-  bool enter_page(std::uint32_t page, std::uint32_t node) {
-    const std::byte* image = context_.images[page].load(std::memory_order_acquire);
-    if (image == nullptr) {
-      ray_.left = {image_, ray_.page, static_cast<std::uint16_t>(at_)};
+  template <typename Do>
+  static void each(Lists& lists, Step step, Do&& make_step) {
+    for (unsigned i = 0; i < lists.count[step]; ++i) {
+      make_step(lists.lanes[step][i]);
     }
-    ray_.page = page;
-    ray_.node = static_cast<std::uint16_t>(node);
-    if (image == nullptr) {
-      return false;
-    }
-    if (context_.touched[page].load(std::memory_order_relaxed) == 0) {
-      context_.touched[page].store(1, std::memory_order_relaxed);
-    }
-    image_ = image;
-    nodes_ = PageView(image).nodes<N>();
-    at_ = node;
-    // The levels rise along every path, so a damaged reference can end in a wrong node but never in a cycle.
-    return (node < PageView(image).header().node_count && nodes_[node].level == ray_.level) || fail();
+    lists.count[step] = 0;
   }
 
-  bool fail() {
-    context_.corrupt = true;
-    ray_.done = true;
-    return false;
-  }
-
-  void visit() {
-    ++context_.counters.nodes_visited;
-    const unsigned hits = test_boxes<N>(node(), frame_, ray_.tnear, ray_.tfar);
-    stack_.set(node().level, hits);
-  }
-
-  // Goes to the next pending child. False: the ray is done or waits.
-  bool pop() {
-    const int level = stack_.deepest();
-    if (level < 0) {
-      ray_.done = true;
-      return false;
-    }
-    while (node().level > level) {
-      at_ = node().parent;
-    }
-    if (node().level != level) {
-      return fail();
-    }
-    const unsigned slot = first_slot<N>(node(), frame_.octant, stack_.mask(static_cast<unsigned>(level)));
-    stack_.clear(static_cast<unsigned>(level), slot);
-    const unsigned bit = 1U << slot;
-    if ((node().leaf & bit) != 0) {
-      test_leaf(node().child[slot], node().count[slot]);
-      return !ray_.done;
-    }
-    if ((node().external & bit) != 0) {
-      return leave_page(static_cast<unsigned>(level), slot);
-    }
-    if ((node().valid & bit) == 0) {
-      return fail();
-    }
-    at_ = node().child[slot];
-    visit();
-    return true;
-  }
-
-  // Follows a reference to another page (or to a treelet of this one).
-  bool leave_page(unsigned level, unsigned slot) {
-    // Too far: what was hit since the mask was made may lie before the child's box. Nothing is read for it then.
-    if ((test_boxes<N>(node(), frame_, ray_.tnear, ray_.tfar) >> slot & 1) == 0) {
-      return true;
-    }
-    const ExternalRef ref = PageView(image_).externals()[node().child[slot]];
-    if (ref.kind == ExternalKind::leaf) {
-      // The leaf hangs on the very node whose mask this is: the bit goes back and backtracking finds it there.
-      stack_.set(level, 1U << ref.slot);
-      ray_.resume = Resume::backtrack;
-      ray_.level = static_cast<std::uint8_t>(level);
-      return enter_page(ref.page, ref.node);
-    }
-    ray_.resume = Resume::enter;
-    ray_.level = static_cast<std::uint8_t>(level + 1);
-    if (!enter_page(ref.page, ref.node)) {
-      return false;
-    }
-    visit();
-    return true;
-  }
-
-  void test_leaf(std::uint32_t first, std::uint32_t count) {
-    context_.counters.triangles_tested += count;
-    const PageView view(image_);
-    const std::uint16_t* indices = view.indices() + std::size_t(first) * 3;
-    LeafBlock leaf{&view.vertices()[0].x, {}};
-    for (std::uint32_t i = 0; i < 8; ++i) {
-      const std::uint32_t lane = i < count ? i : 0;
-      for (int k = 0; k < 3; ++k) {
-        leaf.index[k][i] = indices[lane * 3 + k] * 3;
+  // A ray that is not done begins where it waited.
+  void take_ray(RayLane* lane) {
+    while (taken_ < rays_.size()) {
+      RayState& ray = rays_[taken_++];
+      lane->unpack(ray);
+      // A pop is what follows a reference to a leaf, and what a ray that backtracks needs.
+      lane->ref = {ray.page, ray.node, 0, ray.resume == Resume::enter ? ExternalKind::node : ExternalKind::leaf};
+      const std::byte* image = image_of(ray.page);
+      if (image != nullptr) {
+        go(lane, image);
+        return;
       }
     }
-    const unsigned lanes = (1U << count) - 1;
+  }
+  // Nothing is pending any more.
+  void finish(RayLane* lane) {
+    if (lane->hit_image == nullptr) {
+      report(lane);
+      return;
+    }
+    const PageView view(lane->hit_image);
+    prefetch(view.primitive_ids() + lane->hit_triangle);
+    prefetch(view.geometry_index(lane->hit_triangle));
+    next_->add(kReport, lane);
+  }
+  void report(RayLane* lane) {
+    identify(lane);
+    lane->ray->tfar = lane->tfar;
+    lane->ray->done = true;
+    take_ray(lane);
+  }
+  void fail(RayLane* lane) {
+    context_.corrupt = true;
+    finish(lane);
+  }
+
+  [[nodiscard]] const std::byte* image_of(std::uint32_t page) const {
+    return context_.images[page].load(std::memory_order_acquire);
+  }
+
+  // To lane->ref, at lane->level of the tree.
+  void go(RayLane* lane, const std::byte* image) {
+    Place<N>& place = lane->places[lane->level];
+    place.image = image;
+    place.page = lane->ref.page;
+    place.node = place.node_at(lane->ref.node);
+    prefetch(image);
+    prefetch_node(place.node);
+    next_->add(kEnter, lane);
+  }
+  static void prefetch_node(const Node<N>* node) {
+    prefetch(node);
+    prefetch(reinterpret_cast<const std::byte*>(node) + sizeof(Node<N>) - 1);
+  }
+
+  void enter(RayLane* lane) {
+    Place<N>& place = lane->places[lane->level];
+    const PageHeader& header = PageView(place.image).header();
+    // The levels rise along every path, so a damaged reference can end in a wrong node but never in a cycle.
+    if (lane->ref.node >= header.node_count || place.node->level != lane->level) {
+      fail(lane);
+      return;
+    }
+    if (context_.touched[place.page].load(std::memory_order_relaxed) == 0) {
+      context_.touched[place.page].store(1, std::memory_order_relaxed);
+    }
+    place.externals = header.externals_offset;
+    place.vertices = header.vertices_offset;
+    place.indices = header.indices_offset;
+    if (lane->ref.kind == ExternalKind::node) {
+      ++counters_.nodes_visited;
+      visit(lane);
+    } else if (measure(lane, lane->level)) {
+      advance(lane);
+    } else {
+      fail(lane);
+    }
+  }
+
+  [[gnu::always_inline]] void visit(RayLane* lane) {
+    const unsigned level = lane->level;
+    lane->set_mask(
+        level, test_boxes<N>(*lane->places[level].node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]));
+    advance(lane);
+  }
+
+  // Chooses the next pending child and asks for its memory.
+  [[gnu::always_inline]] void advance(RayLane* lane) {
+    while (lane->levels != 0) {
+      const auto level = static_cast<unsigned>(std::bit_width(lane->levels)) - 1;
+      if (level < lane->top && !climb(lane, level)) [[unlikely]] {
+        fail(lane);
+        return;
+      }
+      const Place<N>& place = lane->places[level];
+      const Node<N>& node = *place.node;
+      const unsigned mask = lane->masks[level];
+      const unsigned slot = first_slot<N>(node, lane->frame.octant, mask);
+      lane->masks[level] = static_cast<std::uint8_t>(mask & ~(1U << slot));
+      lane->levels ^= static_cast<std::uint32_t>((mask & (mask - 1)) == 0) << level;
+      // Too far: what was hit since the mask was made lies before the child's box.
+      if (!(lane->entries[level][slot] <= lane->tfar)) {
+        continue;
+      }
+      // No branch on what the child is: it could not be foretold.
+      const unsigned is_leaf = node.leaf >> slot & 1, is_external = node.external >> slot & 1;
+      const std::uint32_t child_index = node.child[slot];
+      Place<N>& child = lane->places[level + 1];
+      child = place;
+      child.node = place.node_at(child_index);
+      const std::byte* corners = place.image + place.indices + child_index * kCornersBytes;
+      const std::byte* reference = place.image + place.externals + child_index * sizeof(ExternalRef);
+      const std::byte* wanted = reinterpret_cast<const std::byte*>(child.node);
+      wanted = is_leaf != 0 ? corners : wanted;
+      wanted = is_external != 0 ? reference : wanted;
+      prefetch(wanted);
+      prefetch(wanted + kLineBytes);
+      lane->level = level + ((is_leaf | is_external) ^ 1);
+      lane->slot = slot;
+      next_->add(is_leaf * kFetch + is_external * kFollow, lane);
+      return;
+    }
+    finish(lane);
+  }
+
+  // A pop comes to a level above the node where the ray was taken up.
+  [[gnu::noinline]] bool climb(RayLane* lane, unsigned level) {
+    Place<N> place = lane->places[lane->top];
+    while (place.node->level > level) {
+      place.node = place.node_at(place.node->parent);
+    }
+    if (place.node->level != level) {
+      return false;
+    }
+    lane->places[level] = place;
+    lane->top = level;
+    return measure(lane, level);
+  }
+
+  // The entry distances at a node whose mask came from elsewhere. False: the mask is not of that node.
+  [[gnu::noinline]] static bool measure(RayLane* lane, unsigned level) {
+    const Node<N>& node = *lane->places[level].node;
+    test_boxes<N>(node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
+    return (lane->levels >> level & 1) == 0 || (lane->masks[level] & ~node.valid) == 0;
+  }
+
+  // A reference to another page or to a treelet of this one.
+  void follow(RayLane* lane) {
+    const Place<N> place = lane->places[lane->level];
+    lane->ref = place.template at<ExternalRef>(place.externals)[place.node->child[lane->slot]];
+    Resume resume = Resume::enter;
+    if (lane->ref.kind == ExternalKind::leaf) {
+      // The leaf hangs on the very node whose mask this is: the bit goes back and a pop finds it there.
+      lane->set_mask(lane->level, lane->masks[lane->level] | 1U << lane->ref.slot);
+      resume = Resume::backtrack;
+    } else {
+      ++lane->level;
+    }
+    const std::byte* image = image_of(lane->ref.page);
+    if (image == nullptr) {
+      identify(lane);
+      lane->ray->left = {place.image, place.page, static_cast<std::uint16_t>(place.node - place.node_at(0))};
+      lane->pack(resume, lane->ref.page, lane->ref.node);
+      take_ray(lane);
+      return;
+    }
+    go(lane, image);
+  }
+
+  // The corners' indices have come: asks for the corners.
+  void fetch(RayLane* lane) {
+    const Place<N>& place = lane->places[lane->level];
+    const std::uint32_t count = place.node->count[lane->slot];
+    const auto* indices = place.template at<std::uint16_t>(place.indices) + place.node->child[lane->slot] * 3;
+    LeafBlock& leaf = lane->leaf;
+    leaf.vertices = place.template at<float>(place.vertices);
+    corner_indices(indices, count, leaf.index);
+    for (const auto& corners : leaf.index) {
+      for (const std::int32_t at : corners) {
+        prefetch(leaf.vertices + at);
+      }
+    }
+    next_->add(kTest, lane);
+  }
+
+  void test_leaf(RayLane* lane) {
+    const Place<N>& place = lane->places[lane->level];
+    const std::uint32_t first = place.node->child[lane->slot];
+    const std::uint32_t count = place.node->count[lane->slot];
+    counters_.triangles_tested += count;
+    const LeafBlock& leaf = lane->leaf;
+    const unsigned used = (1U << count) - 1;
     if constexpr (kMode == Mode::watertight) {
-      for (unsigned mask = woop_filter(frame_, leaf) & lanes; mask != 0 && !ray_.done; mask &= mask - 1) {
-        const int lane = std::countr_zero(mask);
-        const Corners corners = corners_of(leaf, lane);
+      for (unsigned mask = woop_filter(lane->frame, leaf) & used; mask != 0; mask &= mask - 1) {
+        const int i = std::countr_zero(mask);
+        const Corners corners = corners_of(leaf, i);
         Candidate hit;
-        if (woop_decide(frame_, corners, hit)) {
-          offer(hit, corners, first + static_cast<std::uint32_t>(lane));
+        if (woop_decide(lane->frame, corners, hit) &&
+            offer(lane, hit, corners, first + static_cast<std::uint32_t>(i))) {
+          finish(lane);
+          return;
         }
       }
     } else {
-      const MoellerTrumbore result = moeller_trumbore(frame_, leaf);
-      for (unsigned mask = result.hits & lanes; mask != 0 && !ray_.done; mask &= mask - 1) {
-        const int lane = std::countr_zero(mask);
-        offer({result.t[lane], result.u[lane], result.v[lane]}, corners_of(leaf, lane),
-              first + static_cast<std::uint32_t>(lane));
+      const MoellerTrumbore result = moeller_trumbore(lane->frame, leaf);
+      for (unsigned mask = result.hits & used; mask != 0; mask &= mask - 1) {
+        const int i = std::countr_zero(mask);
+        if (offer(lane, {result.t[i], result.u[i], result.v[i]}, corners_of(leaf, i),
+                  first + static_cast<std::uint32_t>(i))) {
+          finish(lane);
+          return;
+        }
       }
     }
+    advance(lane);
   }
 
   // Takes the hit if it lies in the interval and before the best so far: by t, then geometry id, then primitive id.
-  void offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle) {
-    const Interval box = triangle_interval(frame_, corners);
+  // True: no other hit is wanted.
+  bool offer(RayLane* lane, const Candidate& hit, const Corners& corners, std::uint32_t triangle) {
+    const Interval box = triangle_interval(lane->frame, corners);
     if (!(box.entry <= box.exit)) {
-      return;
+      return false;
     }
     float t = static_cast<float>(hit.t);
     t = t < box.entry ? box.entry : t;
     t = t > box.exit ? box.exit : t;
-    if (!(t >= ray_.tnear && t <= ray_.tfar)) {
-      return;
+    if (!(t >= lane->tnear && t <= lane->tfar)) {
+      return false;
     }
+    RayState& ray = *lane->ray;
     if constexpr (kQuery == Query::any) {
-      ray_.hit = {};
-      ray_.hit.t = 0;
-      ray_.has_hit = ray_.done = true;
+      ray.hit = {};
+      ray.hit.t = 0;
+      ray.has_hit = true;
+      return true;
     } else {
-      const PageView view(image_);
-      const std::uint32_t geometry_id = view.geometry_id(triangle);
-      const std::uint32_t primitive_id = view.primitive_ids()[triangle];
-      if (t == ray_.tfar && ray_.has_hit && !comes_before(geometry_id, primitive_id)) {
-        return;
+      const std::byte* image = lane->places[lane->level].image;
+      if (t == lane->tfar && ray.has_hit) {
+        identify(lane);
+        if (!comes_before(image, triangle, ray.hit)) {
+          return false;
+        }
       }
-      ray_.tfar = t;
-      ray_.has_hit = true;
-      ray_.hit.t = t;
-      set_barycentrics(hit);
-      ray_.hit.geometry_id = geometry_id;
-      ray_.hit.primitive_id = primitive_id;
+      lane->tfar = t;
+      lane->hit_image = image;
+      lane->hit_triangle = triangle;
+      ray.has_hit = true;
+      ray.hit.t = t;
+      set_barycentrics(ray.hit, hit);
       if (context_.need_normal) {
-        set_normal(corners);
+        ray.hit.normal = normal_of(corners);
       }
+      return false;
     }
   }
 
   // At equal t.
-  [[nodiscard]] bool comes_before(std::uint32_t geometry_id, std::uint32_t primitive_id) const {
-    const Hit& best = ray_.hit;
+  static bool comes_before(const std::byte* image, std::uint32_t triangle, const Hit& best) {
+    const PageView view(image);
+    const std::uint32_t geometry_id = view.geometry_id(triangle), primitive_id = view.primitive_ids()[triangle];
     return geometry_id < best.geometry_id || (geometry_id == best.geometry_id && primitive_id < best.primitive_id);
   }
 
-  // Inside by the signs; the quotients may stick out by a rounding.
-  void set_barycentrics(const Candidate& hit) {
-    const auto clamp = [](float x) { return x < 0.0F ? 0.0F : x > 1.0F ? 1.0F : x; };
-    ray_.hit.u = clamp(static_cast<float>(hit.u));
-    const float v = clamp(static_cast<float>(hit.v));
-    ray_.hit.v = ray_.hit.u + v > 1.0F ? 1.0F - ray_.hit.u : v;
-  }
-
-  void set_normal(const Corners& corners) {
-    std::array<double, 3> e1, e2;
-    for (int axis = 0; axis < 3; ++axis) {
-      e1[axis] = double(corners[1][axis]) - corners[0][axis];
-      e2[axis] = double(corners[2][axis]) - corners[0][axis];
-    }
-    const std::array<double, 3> n{e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2],
-                                  e1[0] * e2[1] - e1[1] * e2[0]};
-    const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    for (int axis = 0; axis < 3; ++axis) {
-      ray_.hit.normal[axis] = length > 0 ? static_cast<float>(n[axis] / length) : 0.0F;
+  // Ids are looked up for the hits that stay, for they are far from what the tests read.
+  static void identify(RayLane* lane) {
+    if (lane->hit_image != nullptr) {
+      const PageView view(lane->hit_image);
+      lane->ray->hit.geometry_id = view.geometry_id(lane->hit_triangle);
+      lane->ray->hit.primitive_id = view.primitive_ids()[lane->hit_triangle];
+      lane->hit_image = nullptr;
     }
   }
 
   KernelContext& context_;
-  RayState& ray_;
-  const RayFrame frame_;
-  Stack<N, Wide> stack_;
-  const std::byte* image_ = nullptr;
-  const Node<N>* nodes_ = nullptr;
-  std::uint32_t at_ = 0;
+  const std::span<RayState> rays_;
+  std::size_t taken_ = 0;
+  KernelCounters counters_;
+  std::array<Lists, 2> lists_;
+  Lists* next_ = &lists_[0];
+  std::array<RayLane, kLanes> lanes_;
 };
 
 template <int N, bool Wide, Query kQuery, Mode kMode>
 void trace_batch(KernelContext& context, std::span<RayState> rays) {
-  for (RayState& ray : rays) {
-    Tracer<N, Wide, kQuery, kMode>(context, ray).run();
-  }
+  Batch<N, Wide, kQuery, kMode>(context, rays).run();
 }
 
 template <int N, bool Wide, Query kQuery>

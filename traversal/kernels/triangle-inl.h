@@ -47,7 +47,8 @@ inline RayFrame make_frame(const std::array<float, 3>& org, const std::array<flo
   return frame;
 }
 
-/// Up to eight triangles: corner k of triangle i is vertices[index[k][i]].
+/// Up to eight triangles: corner k of triangle i is vertices[index[k][i]]. In a page image indices follow the vertices,
+/// so a float past the last one may be read.
 struct LeafBlock {
   const float* vertices;                             // xyz after xyz
   std::array<std::array<std::int32_t, 8>, 3> index;  // of the corner's x in `vertices`
@@ -81,15 +82,18 @@ inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf) {
   const Float8 ox = Float8::broadcast(ray.org[ray.kx]), oy = Float8::broadcast(ray.org[ray.ky]),
                oz = Float8::broadcast(ray.org[ray.kz]);
   const Float8 sx = Float8::broadcast(ray.sx), sy = Float8::broadcast(ray.sy);
-  const Float8 az = Float8::gather(leaf.vertices + ray.kz, leaf.index[0]) - oz;
-  const Float8 bz = Float8::gather(leaf.vertices + ray.kz, leaf.index[1]) - oz;
-  const Float8 cz = Float8::gather(leaf.vertices + ray.kz, leaf.index[2]) - oz;
-  const Float8 ax = Float8::gather(leaf.vertices + ray.kx, leaf.index[0]) - ox - sx * az;
-  const Float8 bx = Float8::gather(leaf.vertices + ray.kx, leaf.index[1]) - ox - sx * bz;
-  const Float8 cx = Float8::gather(leaf.vertices + ray.kx, leaf.index[2]) - ox - sx * cz;
-  const Float8 ay = Float8::gather(leaf.vertices + ray.ky, leaf.index[0]) - oy - sy * az;
-  const Float8 by = Float8::gather(leaf.vertices + ray.ky, leaf.index[1]) - oy - sy * bz;
-  const Float8 cy = Float8::gather(leaf.vertices + ray.ky, leaf.index[2]) - oy - sy * cz;
+  const auto a = Float8::points(leaf.vertices, leaf.index[0]);
+  const auto b = Float8::points(leaf.vertices, leaf.index[1]);
+  const auto c = Float8::points(leaf.vertices, leaf.index[2]);
+  const Float8 az = a[ray.kz] - oz;
+  const Float8 bz = b[ray.kz] - oz;
+  const Float8 cz = c[ray.kz] - oz;
+  const Float8 ax = a[ray.kx] - ox - sx * az;
+  const Float8 bx = b[ray.kx] - ox - sx * bz;
+  const Float8 cx = c[ray.kx] - ox - sx * cz;
+  const Float8 ay = a[ray.ky] - oy - sy * az;
+  const Float8 by = b[ray.ky] - oy - sy * bz;
+  const Float8 cy = c[ray.ky] - oy - sy * cz;
   const Float8 u = cx * by - cy * bx;
   const Float8 v = ax * cy - ay * cx;
   const Float8 w = bx * ay - by * ax;
@@ -138,10 +142,12 @@ struct MoellerTrumbore {
 
 inline MoellerTrumbore moeller_trumbore(const RayFrame& ray, const LeafBlock& leaf) {
   std::array<Float8, 3> v0, e1, e2, dir, s, p, q;
+  v0 = Float8::points(leaf.vertices, leaf.index[0]);
+  e1 = Float8::points(leaf.vertices, leaf.index[1]);
+  e2 = Float8::points(leaf.vertices, leaf.index[2]);
   for (int axis = 0; axis < 3; ++axis) {
-    v0[axis] = Float8::gather(leaf.vertices + axis, leaf.index[0]);
-    e1[axis] = Float8::gather(leaf.vertices + axis, leaf.index[1]) - v0[axis];
-    e2[axis] = Float8::gather(leaf.vertices + axis, leaf.index[2]) - v0[axis];
+    e1[axis] = e1[axis] - v0[axis];
+    e2[axis] = e2[axis] - v0[axis];
     dir[axis] = Float8::broadcast(ray.dir[axis]);
     s[axis] = Float8::broadcast(ray.org[axis]) - v0[axis];
   }
@@ -165,6 +171,30 @@ inline MoellerTrumbore moeller_trumbore(const RayFrame& ray, const LeafBlock& le
   u.store(result.u.data());
   v.store(result.v.data());
   return result;
+}
+
+// Inside by the signs; the quotients may stick out by a rounding.
+inline void set_barycentrics(Hit& out, const Candidate& hit) {
+  const auto clamp = [](float x) { return x < 0.0F ? 0.0F : x > 1.0F ? 1.0F : x; };
+  out.u = clamp(static_cast<float>(hit.u));
+  const float v = clamp(static_cast<float>(hit.v));
+  out.v = out.u + v > 1.0F ? 1.0F - out.u : v;
+}
+
+inline std::array<float, 3> normal_of(const Corners& corners) {
+  std::array<double, 3> e1, e2;
+  for (int axis = 0; axis < 3; ++axis) {
+    e1[axis] = double(corners[1][axis]) - corners[0][axis];
+    e2[axis] = double(corners[2][axis]) - corners[0][axis];
+  }
+  const std::array<double, 3> n{e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2],
+                                e1[0] * e2[1] - e1[1] * e2[0]};
+  const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  std::array<float, 3> normal{};
+  for (int axis = 0; axis < 3; ++axis) {
+    normal[axis] = length > 0 ? static_cast<float>(n[axis] / length) : 0.0F;
+  }
+  return normal;
 }
 
 struct Interval {

@@ -26,11 +26,13 @@ struct Floats {
     }
     return r;
   }
-  /// lane i = base[index[i]]
-  static Floats gather(const float* base, const std::array<std::int32_t, N>& index) {
-    Floats r;
+  /// x, y and z of the points at base + index[i]; backends may read one float past a point.
+  static std::array<Floats, 3> points(const float* base, const std::array<std::int32_t, N>& index) {
+    std::array<Floats, 3> r;
     for (int i = 0; i < N; ++i) {
-      r.lane[i] = base[index[i]];
+      for (int axis = 0; axis < 3; ++axis) {
+        r[axis].lane[i] = base[index[i] + axis];
+      }
     }
     return r;
   }
@@ -86,4 +88,18 @@ unsigned less(const Floats<N>& a, const Floats<N>& b) {
   return mask;
 }
 
+/// Corner k of triangle i < count is index[k][i] * 3 floats into the vertices, from three indices for each triangle;
+/// those past the last are the first triangle's. 1 <= count <= 8.
+inline void corner_indices(const std::uint16_t* indices, unsigned count,
+                           std::array<std::array<std::int32_t, 8>, 3>& index) {
+  for (unsigned i = 0; i < 8; ++i) {
+    const unsigned from = i < count ? i : 0;
+    for (unsigned k = 0; k < 3; ++k) {
+      index[k][i] = indices[from * 3 + k] * 3;
+    }
+  }
+}
+
 }  // namespace raymill::traversal::scalar
+
+#include "traversal/simd/near_far-inl.h"

@@ -16,7 +16,7 @@
 
 #include "client/cli/ray_file.h"
 #include "storage/base/ledger.h"
-#include "tests/bench/out_of_core/embree_scene.h"
+#include "tests/support/embree_scene.h"
 
 namespace raymill::bench {
 namespace {

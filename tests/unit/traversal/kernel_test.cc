@@ -70,13 +70,14 @@ TEST_P(KernelOf, AgreesWithTheOracle) {
   EXPECT_LT(found, rays.size()) << "nor does one that never misses";
 }
 
-// ISA, width, bitstack and residency: the same bits.
+// ISA, width, bitstack, residency and batch: the same bits, and for one width the same work.
 TEST_P(KernelOf, EveryIsaWidthAndScheduleGivesTheSameBits) {
   for (const Query query : {Query::closest, Query::any}) {
     for (const Mode mode : {Mode::watertight, Mode::fast}) {
       std::vector<Hit> first;
       std::vector<Ray> rays;
       for (const unsigned width : {8u, 4u}) {
+        traversal::KernelCounters work;
         const Pages pages = build_pages(scene_, width);
         const LoadedPages loaded = load_pages(pages);
         if (rays.empty()) {
@@ -86,9 +87,16 @@ TEST_P(KernelOf, EveryIsaWidthAndScheduleGivesTheSameBits) {
         }
         for (const Isa isa : runnable_isas()) {
           for (const Residency residency : {Residency::all, Residency::one_page, Residency::random}) {
-            const KernelRun run{isa, query, mode, residency, 5, residency != Residency::one_page};
+            // One ray alone, and more than have their turn at once.
+            const std::size_t batch_rays = residency == Residency::all && isa == Isa::scalar ? 1 : 200;
+            const KernelRun run{isa, query, mode, residency, 5, residency != Residency::one_page, batch_rays};
             const KernelHits result = run_kernel(loaded, rays, run);
             EXPECT_FALSE(result.corrupt);
+            if (work.nodes_visited == 0) {
+              work = result.counters;
+            }
+            EXPECT_EQ(result.counters.nodes_visited, work.nodes_visited) << to_string(isa) << int(residency);
+            EXPECT_EQ(result.counters.triangles_tested, work.triangles_tested) << to_string(isa) << int(residency);
             if (first.empty()) {
               first = result.hits;
             }

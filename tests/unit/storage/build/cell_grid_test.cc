@@ -29,7 +29,7 @@ Counted count(const Mesh& mesh, std::uint64_t run_triangles) {
   }
   CellGrid grid(middles, boxes.size());
   for (const Aabb& box : boxes) {
-    grid.add(box);
+    grid.add(grid.cell_of(middle(box)), box);
   }
   std::vector<CellNode> nodes = grid.partition(run_triangles);
   return {std::move(boxes), std::move(grid), std::move(nodes)};

@@ -24,6 +24,7 @@ Id id_of(const Triangle& t) { return {t.geometry_id, t.primitive_id}; }
 struct Setup {
   std::uint64_t run_triangles = 64;
   std::uint32_t most_open_buckets = 64;
+  unsigned threads = 1;
   std::uint64_t memory = gibibytes(1);
   std::string positions = "float32";
   std::function<Status(std::uint64_t)> progress = {};
@@ -49,7 +50,7 @@ Cut cut(const std::vector<Triangle>& triangles, const Setup& setup = {}) {
   Lattice lattice(*parse_positions(setup.positions), all.box);
   Cut result;
   auto partition = partition_triangles(store, std::move(all), lattice,
-                                       {setup.run_triangles, setup.most_open_buckets, setup.progress});
+                                       {setup.run_triangles, setup.most_open_buckets, setup.threads, setup.progress});
   result.status = partition.status();
   if (!partition) {
     return result;
@@ -57,7 +58,7 @@ Cut cut(const std::vector<Triangle>& triangles, const Setup& setup = {}) {
   result.partition = std::move(*partition);
   result.max_displacement = lattice.max_displacement();
   for (const TriangleBucket& run : result.partition.runs) {
-    result.runs.push_back(*load(store, run));
+    EXPECT_TRUE(load(store, run, result.runs.emplace_back()).ok());
   }
   return result;
 }
@@ -196,15 +197,20 @@ TEST_P(PartitionOf, PutsEveryTriangleIntoOneRunWithinTheLimit) {
   }
 }
 
-TEST_P(PartitionOf, IsTheSameForAnyNumberOfOpenBucketsAndAnyMemory) {
+TEST_P(PartitionOf, IsTheSameForAnyNumberOfOpenBucketsAnyThreadsAndAnyMemory) {
   const std::vector<Triangle> triangles = tests::triangles_of(cases()[GetParam()].make());
   for (const std::string positions : {"float32", "lattice:8b"}) {
     const Cut first = cut(triangles, {.positions = positions});
     for (const std::uint32_t most_open_buckets : {2u, 3u, 7u, 4096u}) {
       for (const std::uint64_t memory : {std::uint64_t{0}, mebibytes(5), gibibytes(1)}) {
-        SCOPED_TRACE(positions + ", " + std::to_string(most_open_buckets) + " buckets");
-        expect_same(first,
-                    cut(triangles, {.most_open_buckets = most_open_buckets, .memory = memory, .positions = positions}));
+        for (const unsigned threads : {1u, 2u, 5u}) {
+          SCOPED_TRACE(positions + ", " + std::to_string(most_open_buckets) + " buckets, " + std::to_string(threads) +
+                       " threads");
+          expect_same(first, cut(triangles, {.most_open_buckets = most_open_buckets,
+                                             .threads = threads,
+                                             .memory = memory,
+                                             .positions = positions}));
+        }
       }
     }
   }
@@ -301,10 +307,11 @@ TEST(Partition, FreesTheBlocksOfItsInput) {
     ASSERT_TRUE(writer.add(t).ok());
   }
   Lattice lattice;
-  const auto partition = partition_triangles(store, *writer.take(), lattice, {4 * kBlockTriangles, 2, {}});
+  const auto partition = partition_triangles(store, *writer.take(), lattice, {4 * kBlockTriangles, 2, 1, {}});
   ASSERT_TRUE(partition);
   for (const TriangleBucket& run : partition->runs) {
-    ASSERT_TRUE(load(store, run));
+    std::vector<Triangle> loaded;
+    ASSERT_TRUE(load(store, run, loaded).ok());
   }
   const std::uint64_t fullest = store.file_bytes();
   // While they are handed out, a triangle is in the input or in a bucket; each open one has a last block that is not

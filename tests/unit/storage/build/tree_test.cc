@@ -130,16 +130,40 @@ TEST_P(TreeOf, HoldsEveryTriangleOnceInExactBoxesWithinTheBitstack) {
 INSTANTIATE_TEST_SUITE_P(Scenes, TreeOf, testing::Range(std::size_t{0}, cases().size()),
                          [](const auto& param) { return std::string(cases()[param.param].name); });
 
+TEST(BinaryTreeBuilder, GivesTheSameTreeWhateverItBuiltBefore) {
+  Random random(1);
+  const auto device = EmbreeDevice::create();
+  ASSERT_TRUE(device);
+  BinaryTreeBuilder used(*device);
+  BinaryTree tree;
+  for (const std::size_t count : {3000u, 1u, 5000u, 100u}) {
+    const std::vector<Triangle> triangles = tests::triangles_of({tests::soup(random, count)});
+    std::vector<Triangle> sorted = triangles, expected_sorted = triangles;
+    BinaryTree expected;
+    ASSERT_TRUE(used.build(sorted, tree).ok());
+    ASSERT_TRUE(BinaryTreeBuilder(*device).build(expected_sorted, expected).ok());
+    ASSERT_EQ(tree.nodes.size(), expected.nodes.size());
+    for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
+      EXPECT_EQ(tree.nodes[i].box, expected.nodes[i].box);
+      EXPECT_EQ(tree.nodes[i].left, expected.nodes[i].left);
+      EXPECT_EQ(tree.nodes[i].count, expected.nodes[i].count);
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      EXPECT_EQ(sorted[i].primitive_id, expected_sorted[i].primitive_id);
+    }
+  }
+}
+
 TEST(Collapse, AnyLevelLimitThatABalancedTreeMeetsIsMet) {
   const Scene scene{tests::nested_shells(2000)};
   std::vector<Triangle> triangles = tests::triangles_of(scene);
   const auto device = EmbreeDevice::create();
   ASSERT_TRUE(device);
-  const auto binary = build_binary_tree(*device, triangles);
-  ASSERT_TRUE(binary);
+  BinaryTree binary;
+  ASSERT_TRUE(BinaryTreeBuilder(*device).build(triangles, binary).ok());
   for (const unsigned width : {4u, 8u}) {
     for (unsigned limit = balanced_levels(2000, width); limit <= max_levels(width); ++limit) {
-      const WideTree tree = collapse(*binary, triangles, width, {0, limit});
+      const WideTree tree = collapse(binary, triangles, width, {0, limit});
       EXPECT_LE(tree.levels, limit);
       check(tree, tests::triangles_of(scene), "limit " + std::to_string(limit));
     }

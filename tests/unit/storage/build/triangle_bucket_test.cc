@@ -34,6 +34,13 @@ TriangleBucket bucket_of(BlockStore& store, std::span<const Triangle> triangles)
   return *bucket;
 }
 
+std::vector<Triangle> loaded(BlockStore& store, const TriangleBucket& bucket) {
+  std::vector<Triangle> triangles(3);  // what stood there before goes
+  const Status status = load(store, bucket, triangles);
+  EXPECT_TRUE(status.ok()) << status.message();
+  return triangles;
+}
+
 // In memory, and in the file.
 class Bucket : public testing::TestWithParam<std::uint64_t> {
  protected:
@@ -50,16 +57,7 @@ TEST_P(Bucket, OrderIsKeptAcrossBlocks) {
     const TriangleBucket bucket = bucket_of(store_, triangles);
     EXPECT_EQ(bucket.count, count);
     EXPECT_EQ(bucket.blocks.size(), (count + kBlockTriangles - 1) / kBlockTriangles);
-    std::vector<Triangle> visited;
-    const auto visit = [&](std::span<Triangle> block) {
-      visited.insert(visited.end(), block.begin(), block.end());
-      return Status();
-    };
-    ASSERT_TRUE(for_each_block(store_, bucket, false, visit).ok());
-    expect_same(visited, triangles);
-    const auto loaded = load(store_, bucket);
-    ASSERT_TRUE(loaded) << loaded.status().message();
-    expect_same(*loaded, triangles);
+    expect_same(loaded(store_, bucket), triangles);
   }
 }
 
@@ -85,8 +83,8 @@ TEST_P(Bucket, WriterIsEmptyAfterItsBucketIsTaken) {
     }
     buckets.push_back(*writer.take());
   }
-  expect_same(*load(store_, buckets[1]), second);
-  expect_same(*load(store_, buckets[0]), first);
+  expect_same(loaded(store_, buckets[1]), second);
+  expect_same(loaded(store_, buckets[0]), first);
   const auto none = writer.take();
   ASSERT_TRUE(none);
   EXPECT_EQ(none->count, 0u);
@@ -94,33 +92,20 @@ TEST_P(Bucket, WriterIsEmptyAfterItsBucketIsTaken) {
   EXPECT_TRUE(none->box.empty());
 }
 
-TEST_P(Bucket, BlocksAreFreedByLoadingAndByConsumingOnly) {
-  const std::vector<Triangle> triangles = soup(4 * kBlockTriangles);
-  const auto nothing = [](std::span<Triangle>) { return Status(); };
-  TriangleBucket bucket = bucket_of(store_, triangles);
-  ASSERT_TRUE(for_each_block(store_, bucket, false, nothing).ok());
+TEST_P(Bucket, BlocksAreFreedByLoading) {
+  const TriangleBucket bucket = bucket_of(store_, soup(4 * kBlockTriangles));
   const TriangleBucket other = bucket_of(store_, soup(4 * kBlockTriangles));
-  EXPECT_EQ(store_.file_bytes(), GetParam() == 0 ? 8 * kBlockBytes : 0) << "looking frees nothing";
-  ASSERT_TRUE(for_each_block(store_, bucket, true, nothing).ok());
-  ASSERT_TRUE(load(store_, other));
+  EXPECT_EQ(store_.file_bytes(), GetParam() == 0 ? 8 * kBlockBytes : 0);
+  loaded(store_, bucket);
+  loaded(store_, other);
   bucket_of(store_, soup(8 * kBlockTriangles));
   EXPECT_EQ(store_.file_bytes(), GetParam() == 0 ? 8 * kBlockBytes : 0);
-}
-
-TEST_P(Bucket, VisitorsErrorEndsTheVisit) {
-  const TriangleBucket bucket = bucket_of(store_, soup(3 * kBlockTriangles));
-  int visits = 0;
-  const Status status = for_each_block(store_, bucket, false, [&](std::span<Triangle>) {
-    return ++visits == 2 ? Status(ErrorCode::interrupted, "enough") : Status();
-  });
-  EXPECT_EQ(status.code(), ErrorCode::interrupted);
-  EXPECT_EQ(visits, 2);
 }
 
 TEST(TriangleBucket, MiddlesOfTheLargestTrianglesAreFinite) {
   TriangleBucket bucket;
   constexpr float kMost = std::numeric_limits<float>::max();
-  bucket.note({{Vec3f{kMost, kMost, kMost}, {kMost, 0, kMost}, {kMost, kMost, -kMost}}, 0, 0});
+  bucket.note(bounds({{Vec3f{kMost, kMost, kMost}, {kMost, 0, kMost}, {kMost, kMost, -kMost}}, 0, 0}));
   EXPECT_EQ(bucket.middles.lower, (Vec3f{kMost, kMost / 2, 0}));
 }
 

@@ -170,9 +170,9 @@ TEST(StoreBuilder, TooLittleMemoryIsSaidWithTheLeastThatWouldDo) {
   BuildConfig config = tests::small_pages();
   config.output = folder / "scene.mill";
   config.threads = 16;
-  config.page_bytes = 1 << 20;  // about 100 MiB a run
+  config.page_bytes = 1 << 20;  // about 10 MiB a thread
   double named_mib = 0;
-  for (const std::uint64_t more : {mebibytes(1), mebibytes(4), mebibytes(40)}) {
+  for (const std::uint64_t more : {mebibytes(1), mebibytes(4), mebibytes(12)}) {
     config.memory = resident_bytes() + more;
     const auto refused = tests::build_in_runs(scene, config, 500);
     ASSERT_FALSE(refused);

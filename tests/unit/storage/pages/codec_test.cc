@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "storage/pages/page_encoder.h"
 #include "storage/pages/page_streams.h"
 #include "tests/support/trees.h"
 
@@ -88,16 +89,17 @@ TEST_P(Codecs, GiveTheImageBackBitForBit) {
           continue;
         }
         PageDecoder decoder(pages.rules, kind, codec);
+        PageEncoder encoder(codec, kind);
         PageBuffer frame(pages.rules.page_bytes);
         for (const PageBuffer& image : pages.images) {
-          const std::vector<std::byte> encoded = encode_page(image, codec, kind);
+          const std::vector<std::byte> encoded = encoder.encode(image);
           std::fill(frame.begin(), frame.end(), std::byte{0xAA});
           const auto size = decoder.decode(encoded, frame);
           ASSERT_TRUE(size) << scene_case.name << " " << to_string(codec) << ": " << size.status().message();
           ASSERT_EQ(*size, image.size());
           EXPECT_EQ(std::memcmp(frame.data(), image.data(), image.size()), 0)
               << scene_case.name << ", " << to_string(codec) << ", width " << width << ", lattice " << lattice;
-          EXPECT_EQ(encode_page(image, codec, kind), encoded) << "the same image gives the same bytes";
+          EXPECT_EQ(PageEncoder(codec, kind).encode(image), encoded) << "whatever was encoded before";
         }
       }
     }
@@ -115,7 +117,7 @@ TEST_P(Codecs, RefuseDamagedBytesOrGiveAValidImage) {
     for (const Codec codec : kCodecs) {
       PageDecoder decoder(pages.rules, kLattice, codec);
       PageBuffer frame(pages.rules.page_bytes);
-      const std::vector<std::byte> encoded = encode_page(image, codec, kLattice);
+      const std::vector<std::byte> encoded = PageEncoder(codec, kLattice).encode(image);
       for (std::size_t size = 0; size < encoded.size(); size += 1 + size / 8) {
         EXPECT_FALSE(decoder.decode(std::span(encoded).first(size), frame)) << "cut to " << size;
       }
@@ -151,7 +153,7 @@ TEST(Codec, DracoIsTheSmallestOfASmoothMeshAndRawTheLargest) {
   std::array<std::size_t, 4> bytes{};
   for (const PageBuffer& image : pages.images) {
     for (const Codec codec : kCodecs) {
-      bytes[static_cast<std::size_t>(codec)] += encode_page(image, codec, kLattice).size();
+      bytes[static_cast<std::size_t>(codec)] += PageEncoder(codec, kLattice).encode(image).size();
     }
   }
   EXPECT_LT(bytes[3], bytes[2]);
@@ -161,7 +163,7 @@ TEST(Codec, DracoIsTheSmallestOfASmoothMeshAndRawTheLargest) {
 
 TEST(Codec, PageOfAnotherWidthOrTypeIsRefused) {
   const Pages pages = tests::build_pages({tests::grid(3)}, 8);
-  std::vector<std::byte> encoded = encode_page(pages.images[0], Codec::zstd, {});
+  std::vector<std::byte> encoded = PageEncoder(Codec::zstd, {}).encode(pages.images[0]);
   PageBuffer frame(pages.rules.page_bytes);
   PageRules rules = pages.rules;
   rules.width = 4;
@@ -176,7 +178,7 @@ TEST(Codec, PageLargerThanItsFrameIsRefused) {
   rules.page_bytes = 1024;
   PageBuffer frame(rules.page_bytes);
   for (const Codec codec : {Codec::raw, Codec::lz4, Codec::zstd}) {
-    const auto encoded = encode_page(pages.images.back(), codec, {});
+    const auto encoded = PageEncoder(codec, {}).encode(pages.images.back());
     EXPECT_EQ(PageDecoder(rules, {}, codec).decode(encoded, frame).status().code(), ErrorCode::corrupt);
   }
 }

@@ -1,4 +1,4 @@
-#include "tests/bench/out_of_core/embree_scene.h"
+#include "tests/support/embree_scene.h"
 
 #include <sys/mman.h>
 
@@ -37,6 +37,20 @@ class Corners final : public storage::TriangleSink {
   std::uint64_t count_ = 0;
 };
 
+RTCRay embree_ray(const Ray& ray) {
+  RTCRay out{};
+  out.org_x = ray.org[0];
+  out.org_y = ray.org[1];
+  out.org_z = ray.org[2];
+  out.tnear = ray.tnear;
+  out.dir_x = ray.dir[0];
+  out.dir_y = ray.dir[1];
+  out.dir_z = ray.dir[2];
+  out.tfar = ray.tfar;
+  out.mask = ~0U;
+  return out;
+}
+
 }  // namespace
 
 Result<EmbreeScene> EmbreeScene::create(const Config& config) {
@@ -68,6 +82,7 @@ Result<EmbreeScene> EmbreeScene::create(const Config& config) {
     return {ErrorCode::internal, "Embree made no device"};
   }
   made.scene_ = rtcNewScene(made.device_);
+  rtcSetSceneFlags(made.scene_, config.robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
   RTCGeometry geometry = rtcNewGeometry(made.device_, RTC_GEOMETRY_TYPE_TRIANGLE);
   rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, made.vertices_.data(), 0,
                              kCornerBytes, 3 * made.triangles_);
@@ -106,22 +121,26 @@ EmbreeScene::~EmbreeScene() {
   }
 }
 
-bool EmbreeScene::closest(const Ray& ray) const {
+Hit EmbreeScene::closest_hit(const Ray& ray) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRayHit query{};
-  query.ray.org_x = ray.org[0];
-  query.ray.org_y = ray.org[1];
-  query.ray.org_z = ray.org[2];
-  query.ray.tnear = ray.tnear;
-  query.ray.dir_x = ray.dir[0];
-  query.ray.dir_y = ray.dir[1];
-  query.ray.dir_z = ray.dir[2];
-  query.ray.tfar = ray.tfar;
-  query.ray.mask = ~0U;
+  query.ray = embree_ray(ray);
   query.hit.geomID = query.hit.primID = query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(scene_, &context, &query);
-  return query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+  Hit hit;
+  if (query.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
+    hit = {query.ray.tfar, query.hit.u, query.hit.v, query.hit.primID};
+  }
+  return hit;
+}
+
+bool EmbreeScene::any_hit(const Ray& ray) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRay query = embree_ray(ray);
+  rtcOccluded1(scene_, &context, &query);
+  return query.tfar < 0;
 }
 
 }  // namespace raymill::bench

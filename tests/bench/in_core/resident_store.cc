@@ -1,0 +1,66 @@
+#include "tests/bench/in_core/resident_store.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "storage/base/aligned.h"
+#include "storage/pages/codec.h"
+
+namespace raymill::bench {
+
+using storage::PageId;
+using traversal::RayState;
+
+Result<ResidentStore> ResidentStore::load(const std::string& path) {
+  ResidentStore store;
+  store.ledger_ = std::make_unique<storage::Ledger>(std::numeric_limits<std::uint64_t>::max());
+  RAYMILL_ASSIGN_OR_RETURN(store.file_, storage::StoreFile::open(path, *store.ledger_));
+  const storage::StoreFile& file = *store.file_;
+  const storage::PageCache::Config config{file.page_count(), file.header().page_bytes, file.page_count(), 1};
+  RAYMILL_ASSIGN_OR_RETURN(store.cache_, storage::PageCache::create(config, *store.ledger_));
+  std::vector<std::byte, storage::AlignedAllocator<std::byte, storage::kDirectBlockBytes>> buffer(
+      file.read_buffer_bytes());
+  storage::PageDecoder decoder(file.rules(), file.positions(), file.codec());
+  const std::vector<std::uint32_t> demand(file.page_count());
+  for (std::uint32_t page = 0; page < file.page_count(); ++page) {
+    const auto lease = store.cache_->begin_read(PageId{page}, demand);
+    RAYMILL_ASSIGN_OR_RETURN(const auto encoded, file.read_page(PageId{page}, buffer));
+    RAYMILL_ASSIGN_OR_RETURN([[maybe_unused]] const auto bytes, decoder.decode(encoded, lease->bytes));
+    store.cache_->publish(*lease);
+  }
+  return store;
+}
+
+Result<traversal::KernelCounters> ResidentStore::trace(const Run& run, std::span<const Ray> rays,
+                                                       std::span<Hit> hits) const {
+  const storage::PageRules rules = file_->rules();
+  const traversal::Kernel kernel =
+      find_kernel(run.isa, {run.query, run.mode, rules.width, rules.width * rules.levels > 64});
+  traversal::KernelContext context;
+  context.images = cache_->images();
+  context.touched = cache_->touched();
+  std::vector<RayState> batch;
+  for (std::size_t begin = 0; begin < rays.size(); begin += run.batch_rays) {
+    const std::size_t count = std::min(run.batch_rays, rays.size() - begin);
+    batch.assign(count, {});
+    for (std::size_t i = 0; i < count; ++i) {
+      const Ray& ray = rays[begin + i];
+      batch[i].org = ray.org;
+      batch[i].dir = ray.dir;
+      batch[i].tnear = ray.tnear;
+      batch[i].tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
+      batch[i].page = file_->footer().root_page;
+      batch[i].node = static_cast<std::uint16_t>(file_->footer().root_node);
+    }
+    kernel(context, batch);
+    for (std::size_t i = 0; i < count; ++i) {
+      hits[begin + i] = batch[i].has_hit ? batch[i].hit : Hit{};
+    }
+  }
+  if (context.corrupt) {
+    return {ErrorCode::corrupt, file_->path() + ": has pages whose references do not fit each other"};
+  }
+  return context.counters;
+}
+
+}  // namespace raymill::bench

@@ -1,0 +1,37 @@
+// ResidentStore: every page of a store in a page cache, and kernels run on them in batches as the engine runs them.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "storage/cache/page_cache.h"
+#include "storage/io/store_file.h"
+#include "traversal/kernel.h"
+
+namespace raymill::bench {
+
+class ResidentStore {
+ public:
+  static Result<ResidentStore> load(const std::string& path);
+
+  struct Run {
+    traversal::Isa isa = traversal::Isa::scalar;
+    Query query = Query::closest;
+    Mode mode = Mode::watertight;
+    std::size_t batch_rays = 512;
+  };
+  /// Traces valid rays by the kernel alone; hits[i] is ray i's. Thread-confined.
+  Result<traversal::KernelCounters> trace(const Run& run, std::span<const Ray> rays, std::span<Hit> hits) const;
+  [[nodiscard]] unsigned width() const { return file_->rules().width; }
+
+ private:
+  ResidentStore() = default;
+
+  std::unique_ptr<storage::Ledger> ledger_;
+  std::shared_ptr<const storage::StoreFile> file_;
+  std::unique_ptr<storage::PageCache> cache_;
+};
+
+}  // namespace raymill::bench

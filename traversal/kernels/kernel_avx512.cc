@@ -1,0 +1,11 @@
+// The kernels for avx512; see kernel-inl.h.
+#define RAYMILL_ISA avx512
+#include "traversal/simd/avx512.h"
+// The lanes come first: what follows is written on them.
+#include "traversal/kernels/kernel-inl.h"
+
+namespace raymill::traversal::avx512 {
+
+Kernel find_kernel(const KernelChoice& choice) { return select_kernel(choice); }
+
+}  // namespace raymill::traversal::avx512
