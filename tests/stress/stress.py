@@ -40,7 +40,7 @@ IN_CORE_BYTES = 4 << 30
 # Where --policy and the like exist, `raymill trace --help` lists their values as NAME:{a,b,c}.
 POLICY_OPTIONS = ["--policy", "--eviction"]
 # The adversarial schedule reads a page for each few nodes: only small lots get it.
-MOST_ADVERSARIAL_RAYS = 1000
+MOST_ADVERSARIAL_RAYS = 10000
 
 
 def choices(raymill, option):
