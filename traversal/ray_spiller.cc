@@ -1,6 +1,7 @@
 #include "traversal/ray_spiller.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "traversal/store_tracer.h"
 
@@ -16,8 +17,8 @@ constexpr std::chrono::milliseconds kLookPeriod{5};
 
 }  // namespace
 
-RaySpiller::RaySpiller(StoreTracer& tracer, std::size_t extent_bytes)
-    : tracer_(tracer), extent_bytes_(extent_bytes), buffer_(extent_bytes), thread_([this] { run(); }) {
+RaySpiller::RaySpiller(StoreTracer& tracer, storage::MappedMemory buffer)
+    : tracer_(tracer), buffer_(std::move(buffer)), thread_([this] { run(); }) {
   if (tracer_.config_.timeline) {
     tracer_.config_.timeline->name_lane(kSpillLane, "rays to and from disk");
   }
@@ -165,7 +166,7 @@ void RaySpiller::send(const Turn& turn, std::unique_lock<std::mutex>& lock) {
   sending_ = turn.job.get();
   lock.unlock();
   const auto begin = Timeline::Clock::now();
-  const Status status = waiting.store(parcel, {buffer_.data(), extent_bytes_});
+  const Status status = waiting.store(parcel, buffer());
   if (tracer_.config_.timeline) {
     tracer_.config_.timeline->span(kSpillLane, "rays to disk", begin, "rays", parcel.rays);
   }
@@ -182,14 +183,14 @@ void RaySpiller::bring(const Turn& turn, std::unique_lock<std::mutex>& lock) {
   waiting.promise(chunks);
   lock.unlock();
   const auto begin = Timeline::Clock::now();
-  const Status status = waiting.fetch(extent, {buffer_.data(), extent_bytes_});
+  const Status status = waiting.fetch(extent, buffer());
   if (tracer_.config_.timeline) {
     tracer_.config_.timeline->span(kSpillLane, "rays from disk", begin, "rays", extent.rays);
   }
   lock.lock();
   waiting.settle(chunks);
   if (status.ok() && turn.job->status.ok()) {
-    waiting.accept(extent, {buffer_.data(), extent.bytes}, [&](storage::PageId page, std::uint32_t rays) {
+    waiting.accept(extent, buffer().first(extent.bytes), [&](storage::PageId page, std::uint32_t rays) {
       tracer_.scheduler_.add(page, rays, tracer_.state_of(page));
     });
   }

@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 
 #include "storage/base/mapped_memory.h"
@@ -29,7 +30,8 @@ class RaySpiller {
   /// What push() needs for a piece.
   static constexpr std::uint32_t kPushChunks = 256;
 
-  RaySpiller(StoreTracer& tracer, std::size_t extent_bytes);
+  /// `buffer`: of an extent.
+  RaySpiller(StoreTracer& tracer, storage::MappedMemory buffer);
   /// The tracer's mutex must be free.
   ~RaySpiller();
   RaySpiller(const RaySpiller&) = delete;
@@ -58,10 +60,10 @@ class RaySpiller {
   void send(const Turn& turn, std::unique_lock<std::mutex>& lock);
   void bring(const Turn& turn, std::unique_lock<std::mutex>& lock);
   void end_transfer(const Turn& turn, const Status& status);
+  [[nodiscard]] std::span<std::byte> buffer() const { return {buffer_.data(), buffer_.size()}; }
 
   StoreTracer& tracer_;
-  const std::size_t extent_bytes_;
-  storage::MappedMemory buffer_;
+  const storage::MappedMemory buffer_;
   std::condition_variable wake_;
   bool wants_room_ = false;  // for an extent of the active group
   const TraceJob* sending_ = nullptr;

@@ -81,7 +81,11 @@ Status StoreTracer::init() {
                                                               [this](storage::PageArrival a) { on_arrival(a); }));
   RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes + aside_bytes()));
   turns_ = make_turns();
-  spiller_ = std::make_unique<RaySpiller>(*this, plan_.extent_bytes);
+  storage::MappedMemory buffer(plan_.extent_bytes);
+  if (buffer.data() == nullptr) {
+    return {ErrorCode::budget_exceeded, "the system has no address space for rays on their way to disk"};
+  }
+  spiller_ = std::make_unique<RaySpiller>(*this, std::move(buffer));
   for (unsigned i = 0; i < threads; ++i) {
     if (config_.timeline) {
       config_.timeline->name_lane(i, "worker " + std::to_string(i));

@@ -24,6 +24,21 @@ TEST(PageScheduler, FullestPageIsReadFirst) {
   EXPECT_EQ(scheduler.demand()[1], 100u);
 }
 
+TEST(PageScheduler, FullestPageIsKnownToAFactorOfTwo) {
+  PageScheduler scheduler(3, make_read_policy(ReadOrder::fifo, 3, nullptr));
+  EXPECT_EQ(scheduler.most_wanted_rays(), 0u);
+  scheduler.add(PageId{0}, 3, PageState::absent);
+  scheduler.add(PageId{1}, 100, PageState::absent);
+  scheduler.add(PageId{2}, 5000, PageState::resident);
+  EXPECT_GT(scheduler.most_wanted_rays(), 50u);
+  EXPECT_LE(scheduler.most_wanted_rays(), 100u);
+  scheduler.remove(PageId{1}, 99);
+  EXPECT_GT(scheduler.most_wanted_rays(), 1u);
+  EXPECT_LE(scheduler.most_wanted_rays(), 3u);
+  scheduler.reading(PageId{0});
+  EXPECT_EQ(scheduler.most_wanted_rays(), 1u);
+}
+
 TEST(PageScheduler, RaysThatAddUpMoveAPageAhead) {
   PageScheduler scheduler(2, make_read_policy(ReadOrder::most_rays, 2, nullptr));
   scheduler.add(PageId{0}, 10, PageState::absent);
