@@ -17,8 +17,8 @@ namespace {
 // FACTS: direct random reads gain up to a depth of 8; fewer when memory is scarce.
 constexpr unsigned kReadDepth = 8;
 constexpr unsigned kLeastReadDepth = 2;
-// Stack pages that a thread touches, and what the C library keeps for it.
-constexpr std::uint64_t kThreadBytes = 96 << 10;
+// Stack pages that a thread touches (40 KiB of lanes in a kernel), and what the C library keeps for it.
+constexpr std::uint64_t kThreadBytes = 128 << 10;
 
 constexpr std::uint64_t kLeastChunks = 1024;  // half a megabyte: batches in hand, and an extent that comes back
 constexpr std::uint64_t kMostChunks = std::uint64_t(1) << 20;
