@@ -37,6 +37,7 @@ constexpr unsigned kMostChunkShift = 16;  // 64 Ki rays: results come back in pi
 constexpr std::size_t kLeastBlockBytes = 1 << 10;
 constexpr std::size_t kMostBlockBytes = 16 << 10;
 constexpr std::uint64_t kSlotBytes = 64;
+constexpr std::uint64_t kRowSpan = 8;
 
 constexpr std::size_t kLeastExtentBytes = 32 << 10;
 constexpr std::size_t kMostExtentBytes = 512 << 10;
@@ -78,7 +79,7 @@ ResultWindow::Config plan_rows(std::uint64_t bytes, const HitLayout& row, std::u
   const std::uint64_t most_slots = (std::uint64_t(1) << 32) >> window.chunk_shift;
   window.slots = static_cast<std::uint32_t>(std::min(bytes / 8 / kSlotBytes, most_slots));
   const std::uint64_t block_bytes = bytes * 3 / 8;
-  window.block_bytes = std::clamp(std::size_t(std::bit_floor((block_bytes << window.chunk_shift) / rays)),
+  window.block_bytes = std::clamp(std::size_t(std::bit_floor((block_bytes << window.chunk_shift) / (rays * kRowSpan))),
                                   kLeastBlockBytes, kMostBlockBytes);
   window.blocks = static_cast<std::uint32_t>(block_bytes / window.block_bytes);
   rays = std::min(rays, std::uint64_t(window.blocks) << window.chunk_shift);

@@ -50,9 +50,10 @@ std::uint32_t ResultWindow::room() const { return filling_ == kNone ? 0 : chunk_
 
 bool ResultWindow::begin_slot() {
   assert(filling_ == kNone);
-  if (free_slots_.empty()) {
+  if (free_slots_.empty() || under_way_ == config_.blocks) {
     return false;
   }
+  ++under_way_;
   filling_ = free_slots_.back();
   free_slots_.pop_back();
   slots_[filling_] = {};
@@ -74,9 +75,12 @@ void ResultWindow::close_slot() {
   Slot& slot = slots_[filling_];
   if (slot.rays == 0) {
     order_.pop_back();
+    --under_way_;
     free_slot(filling_);
+  } else if (slot.remaining == 0) {
+    end_slot(slot);
   } else {
-    slot.state = slot.remaining == 0 ? State::done : State::tracing;
+    slot.state = State::tracing;
   }
   filling_ = kNone;
 }
@@ -93,16 +97,28 @@ Result<bool> ResultWindow::complete(std::uint32_t number, const Hit& hit) {
   if (--slot.remaining > 0 || slot.state != State::tracing) {
     return false;
   }
-  slot.state = State::done;
+  end_slot(slot);
   return true;
 }
 
-// The full block, if any, joins the others; an empty one takes its place.
-Status ResultWindow::open_block(Slot& slot) {
+// All rays of the slot are done.
+void ResultWindow::end_slot(Slot& slot) {
+  slot.state = State::done;
+  --under_way_;
+  close_block(slot);
+}
+
+// The block takes no more rows: it joins the full ones.
+void ResultWindow::close_block(Slot& slot) {
   if (slot.open != kNone) {
     header(slot.open).next = slot.full;
     slot.full = std::exchange(slot.open, kNone);
   }
+}
+
+// The full block, if any, joins the others; an empty one takes its place.
+Status ResultWindow::open_block(Slot& slot) {
+  close_block(slot);
   if (free_blocks_.empty()) {
     RAYMILL_RETURN_IF_ERROR(spill_block());
   }
@@ -112,7 +128,8 @@ Status ResultWindow::open_block(Slot& slot) {
   return {};
 }
 
-// The slot whose block goes: the latest with a full one, for it is needed last; else the one whose block is fullest.
+// The slot whose block goes: the latest with a full one, for it is needed last; while a chunk that is fetched has them
+// all, the one whose block is fullest.
 std::uint32_t ResultWindow::choose_victim() const {
   std::uint32_t fullest = kNone;
   for (std::size_t i = order_.size(); i-- > 0;) {
@@ -163,10 +180,6 @@ ResultWindow::Delivery ResultWindow::begin_delivery() {
   slot.state = State::held;
   slot.buffer = free_buffers_.back();
   free_buffers_.pop_back();
-  if (slot.open != kNone) {
-    header(slot.open).next = slot.full;
-    slot.full = std::exchange(slot.open, kNone);
-  }
   const std::size_t row_bytes = config_.layout.row_bytes();
   std::byte* buffer = buffers_.data() + slot.buffer * (row_bytes << config_.chunk_shift);
   return {next_index_++, slot.first_ray, {buffer, slot.rays * row_bytes}, index, {}};

@@ -32,7 +32,7 @@ class ResultWindow {
     HitLayout layout;
     unsigned chunk_shift = 0;  ///< rays of a chunk: 2^chunk_shift, at most 2^16
     std::uint32_t slots = 0;   ///< chunks that are not yet delivered, at most
-    std::uint32_t blocks = 0;  ///< in memory; at least kMinBlocks
+    std::uint32_t blocks = 0;  ///< in memory, and chunks under way at most; at least kMinBlocks
     std::size_t block_bytes = 0;
     std::string spill_directory;
   };
@@ -51,7 +51,7 @@ class ResultWindow {
   /// Room in the slot being filled; 0 when there is none.
   [[nodiscard]] std::uint32_t room() const;
   [[nodiscard]] bool filling() const { return filling_ != kNone; }
-  /// Begins a slot; false when all are taken.
+  /// Begins a slot; false when all are taken, or as many chunks are under way as there are blocks.
   bool begin_slot();
   /// The number of the next ray of the slot being filled, and that `rays` are added to it.
   [[nodiscard]] std::uint32_t next_number() const;
@@ -112,6 +112,8 @@ class ResultWindow {
     return static_cast<std::uint32_t>((config_.block_bytes - sizeof(BlockHeader)) / entry_bytes());
   }
   Status open_block(Slot& slot);
+  void close_block(Slot& slot);
+  void end_slot(Slot& slot);
   Status spill_block();
   [[nodiscard]] std::uint32_t choose_victim() const;
   [[nodiscard]] std::uint64_t checksum_of(const std::byte* block) const;
@@ -124,6 +126,7 @@ class ResultWindow {
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> free_slots_, free_blocks_, free_buffers_;
   std::uint32_t filling_ = kNone;
+  std::uint32_t under_way_ = 0;  // chunks that are not done
   std::deque<std::uint32_t> order_;  // slots of chunks not yet delivered
   std::uint64_t next_index_ = 0;
   std::uint64_t next_ray_ = 0;

@@ -110,7 +110,9 @@ TEST_F(ResultWindowTest, RowsThatFindNoBlockComeBackFromDiskAndLeaveNoFile) {
   make(ResultWindow::kMinBlocks);
   tests::Random random(3);
   for (std::uint32_t i = 0; i < 1000; ++i) {
-    ASSERT_TRUE(push());
+    while (!push()) {
+      ASSERT_TRUE(complete(0).ok());
+    }
     if (random.below(2) == 0) {
       ASSERT_TRUE(complete(random.below(static_cast<std::uint32_t>(rays_.size()))).ok());
     }
@@ -126,11 +128,43 @@ TEST_F(ResultWindowTest, RowsThatFindNoBlockComeBackFromDiskAndLeaveNoFile) {
 TEST_F(ResultWindowTest, SlotsEndWhenNobodyFetches) {
   make(50);
   while (push()) {
+    ASSERT_TRUE(complete(0).ok());
   }
   EXPECT_EQ(pushed_, 200u * 16);
-  complete_all();
   window_->free_slot(fetch());
   EXPECT_TRUE(push());
+}
+
+TEST_F(ResultWindowTest, AsManyChunksAreUnderWayAsThereAreBlocks) {
+  make(7);
+  while (push()) {
+  }
+  EXPECT_EQ(pushed_, 7u * 16);
+  for (std::uint32_t i = 0; i < 16; ++i) {
+    for (std::size_t at = 0; at < rays_.size(); ++at) {
+      if (rays_[at].position == 3 * 16 + i) {
+        ASSERT_TRUE(complete(at).ok());
+        break;
+      }
+    }
+  }
+  EXPECT_TRUE(push()) << "the fourth chunk is done";
+}
+
+// Whatever the order of the ends, what goes to disk is full blocks: 11 rows of 10 bytes in each of 128.
+TEST_F(ResultWindowTest, OnlyFullBlocksGoToDisk) {
+  make(20);
+  tests::Random random(9);
+  for (int step = 0; step < 5000; ++step) {
+    while (!push()) {
+      ASSERT_TRUE(complete(random.below(static_cast<std::uint32_t>(rays_.size()))).ok());
+      if (window_->deliverable()) {
+        window_->free_slot(fetch());
+      }
+    }
+  }
+  EXPECT_GT(window_->spilled_bytes(), 0u);
+  EXPECT_LE(window_->spilled_bytes(), 5000u / 16 * 2 * 128) << "a chunk of 16 rows has two blocks";
 }
 
 TEST_F(ResultWindowTest, CallersHoldAFewChunksAtOnce) {
@@ -153,12 +187,9 @@ TEST_F(ResultWindowTest, FolderThatIsNotThereIsAnIoErrorThatNamesIt) {
   ResultWindow::Config config = this->config(ResultWindow::kMinBlocks);
   config.spill_directory = folder_ / "none";
   window_ = std::move(*ResultWindow::create(config, ledger_));
-  for (int i = 0; i < 100; ++i) {
-    ASSERT_TRUE(push());
-  }
   Status status;
-  while (status.ok() && !rays_.empty()) {
-    status = complete(0);
+  while (status.ok() && pushed_ < 100) {
+    status = push() ? Status() : complete(0);
   }
   EXPECT_EQ(status.code(), ErrorCode::io);
   EXPECT_NE(status.message().find(config.spill_directory), std::string::npos) << status.message();
