@@ -20,6 +20,9 @@ constexpr unsigned kLeastReadDepth = 2;
 // Stack pages that a thread touches (40 KiB of lanes in a kernel), and what the C library keeps for it.
 constexpr std::uint64_t kThreadBytes = 128 << 10;
 
+// Records of a piece of a push, and its messages.
+constexpr std::uint64_t kPushBytes = 128 << 10;
+
 constexpr std::uint64_t kLeastChunks = 1024;  // half a megabyte: batches in hand, and an extent that comes back
 constexpr std::uint64_t kMostChunks = std::uint64_t(1) << 20;
 // Rays in flight: ten for each chunk in memory and the others on disk, fifty times as many; never more than in all,
@@ -49,7 +52,8 @@ std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, un
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
   return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
          GroupTurns::bytes(store.page_count(), plan.group_pages) + storage::PageDecoder::process_bytes(store.codec()) +
-         (plan.read_depth + 1) * kThreadBytes + WaitingRays::transfer_bytes(plan.extent_bytes) + threads * worker;
+         (plan.read_depth + 1) * kThreadBytes + WaitingRays::transfer_bytes(plan.extent_bytes) + max_jobs * kPushBytes +
+         threads * worker;
 }
 
 // What does not depend on frames and jobs.
@@ -69,7 +73,8 @@ std::uint64_t frame_cost(const storage::StoreFile& store, std::uint32_t frames) 
 std::uint32_t group_pages(std::uint32_t frames) { return std::clamp(frames / 2, 1U, kMostGroupPages); }
 
 // Half for chunks that are fetched, an eighth for the table of chunks, the rest for blocks: one for each chunk under
-// way, so that a block that goes to disk is full. Says how many rays that is enough for.
+// way. Chunks under way hold kRowSpan times the rays in flight where blocks may be so small: a few late rays keep a
+// chunk. Says how many rays that is enough for.
 ResultWindow::Config plan_rows(std::uint64_t bytes, const HitLayout& row, std::uint64_t& rays) {
   ResultWindow::Config window;
   window.layout = row;

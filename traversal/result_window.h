@@ -126,7 +126,7 @@ class ResultWindow {
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> free_slots_, free_blocks_, free_buffers_;
   std::uint32_t filling_ = kNone;
-  std::uint32_t under_way_ = 0;  // chunks that are not done
+  std::uint32_t under_way_ = 0;      // chunks that are not done
   std::deque<std::uint32_t> order_;  // slots of chunks not yet delivered
   std::uint64_t next_index_ = 0;
   std::uint64_t next_ray_ = 0;

@@ -111,8 +111,9 @@ PageDecoder::~PageDecoder() = default;
 PageDecoder::PageDecoder(PageDecoder&&) noexcept = default;
 
 std::uint64_t PageDecoder::scratch_bytes(std::uint32_t page_bytes, Codec store_codec) {
-  // zstd's context is about 160 KiB; field vectors are at most half a page; Draco's corner tables, attributes and the
-  // face lists were measured at five times the page.
+  // zstd's context is about 160 KiB; field vectors are at most half a page; Draco's corner tables, attributes and face
+  // lists were measured at five times the page, and threads that decode side by side leave the heap so ragged that each
+  // holds thirty times the page.
   constexpr std::uint64_t kContextBytes = 192 << 10;
   switch (store_codec) {
     case Codec::raw:
@@ -121,7 +122,7 @@ std::uint64_t PageDecoder::scratch_bytes(std::uint32_t page_bytes, Codec store_c
     case Codec::zstd:
       return kContextBytes + streams_limit(page_bytes) + page_bytes / 2;
     case Codec::draco:
-      return kContextBytes + streams_limit(page_bytes) + 8 * std::uint64_t(page_bytes);
+      return kContextBytes + streams_limit(page_bytes) + 32 * std::uint64_t(page_bytes);
   }
   return 0;
 }
