@@ -135,19 +135,19 @@ TEST_P(RunsOf, GiveTheSameBytesForAnyThreadsAndMemory) {
 
 TEST(StoreBuilder, RunsAreAsManyAtOnceAsMemoryAllows) {
   Random random(1);
-  const Scene scene{tests::soup(random, 5000)};
+  const Scene scene{tests::soup(random, 150000)};
   const TempFolder folder;
   BuildConfig config = tests::small_pages();
   config.output = folder / "scene.mill";
   config.threads = 4;
-  config.page_bytes = 1 << 20;  // 25 MiB a run
-  const auto plenty = tests::build_in_runs(scene, config, 64);
+  constexpr std::uint32_t kRunTriangles = 24000;  // a run takes far more than a step of the search for the least memory
+  const auto plenty = tests::build_in_runs(scene, config, kRunTriangles);
   ASSERT_TRUE(plenty);
   EXPECT_EQ(plenty->runs_at_once, 5u) << "one is read while four are built";
   const auto one = tests::build_in_runs({tests::grid(3)}, config, 64);
   ASSERT_TRUE(one);
   EXPECT_EQ(one->runs_at_once, 1u) << "there is only one";
-  const auto least = tests::build_in_least_memory(scene, config, 64);
+  const auto least = tests::build_in_least_memory(scene, config, kRunTriangles);
   ASSERT_TRUE(least) << least.status().message();
   EXPECT_EQ(least->runs_at_once, 1u);
 }
