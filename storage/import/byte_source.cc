@@ -35,7 +35,7 @@ Result<ByteSource> ByteSource::open(const std::string& path) {
     return Status(ErrorCode::io, message("cannot read the size of ", path, " (", reason(errno), ")"));
   }
   if (!S_ISREG(info.st_mode)) {
-    return Status(ErrorCode::io, message(path, " is not a regular file"));
+    return bad_scene(path, " is not a regular file");
   }
   source.size_bytes_ = static_cast<std::uint64_t>(info.st_size);
   return source;

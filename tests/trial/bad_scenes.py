@@ -10,6 +10,9 @@ INPUT = 42
 POSITIONS = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
 INDICES = struct.pack("<3H", 0, 1, 2)
 BUFFER = POSITIONS + INDICES + b"\0\0"
+# The same triangle by Draco's sequential encoder; its one attribute has the id 0.
+DRACO = bytes.fromhex("445241434f02020100000001030100010201010009030000000000000000000000000000000000803f"
+                      "0000000000000000000000000000803f00000000")
 
 
 def good():
@@ -69,8 +72,9 @@ def cycle(root):
     root["nodes"] = [{"mesh": 0, "children": [1]}, {"children": [0]}]
 
 
-def draco(attribute_id):
+def draco(attribute_id, buffer):
     def change(root):
+        root["buffers"][0]["byteLength"] = root["bufferViews"][0]["byteLength"] = len(buffer)
         root["extensionsUsed"] = root["extensionsRequired"] = ["KHR_draco_mesh_compression"]
         root["meshes"][0]["primitives"][0]["extensions"] = {
             "KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": attribute_id}}}
@@ -104,8 +108,8 @@ CASES = [
     Case("count of 2^40 without a view",
          lambda root: (put("accessors/0/count", 1 << 40)(root), root["accessors"][0].pop("bufferView"))),
     Case("positions of a wrong type", put("accessors/0/type", "SCALAR")),
-    Case("Draco data that is none", draco(0)),
-    Case("Draco attribute id that is not there", draco(99)),
+    Case("Draco data that is none", draco(0, BUFFER), needs="no Draco header"),
+    Case("Draco attribute id that is not there", draco(99, DRACO), needs="no attribute 99", buffer=DRACO),
     Case("unknown required extension", extension, needs="VENDOR_unknown"),
     Case("buffer that is not there", put("buffers/0/uri", "none.bin"), suffix="gltf"),
     Case("scene without nodes", put("scenes/0/nodes", []), rc=INPUT),

@@ -130,8 +130,8 @@ TEST(Container, PipesAndFoldersAreNotWaitedFor) {
   ASSERT_EQ(::mkfifo((folder / "pipe.bin").c_str(), 0600), 0);
   TestScene scene = small_scene();
   scene.root["buffers"][0]["uri"] = "pipe.bin";
-  EXPECT_EQ(import_path(folder.write("scene.gltf", scene.root.dump())).status.code(), ErrorCode::io);
-  EXPECT_EQ(import_path(folder / ".").status.code(), ErrorCode::io);
+  EXPECT_EQ(import_path(folder.write("scene.gltf", scene.root.dump())).status.code(), ErrorCode::bad_scene);
+  EXPECT_EQ(import_path(folder / ".").status.code(), ErrorCode::bad_scene);
   EXPECT_EQ(import_path(folder / "absent.gltf").status.code(), ErrorCode::not_found);
 }
 
