@@ -79,7 +79,8 @@ struct EngineJob::Piece {
   std::vector<std::uint32_t> invalid;  // numbers
 };
 
-// Waits until a ray more may be in flight, has a number and finds room where it waits.
+// Waits until a ray more may be in flight, has a number and finds room where it waits. Once there are as many as may
+// be, it waits until there is place for many: rays are taken in by the many, as pages are read for many at a time.
 Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   ResultWindow& window = *job_->window;
   while (job_->status.ok()) {
@@ -90,15 +91,14 @@ Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
       }
       (void)window.begin_slot();
     }
-    job_->push_blocked =
-        window.room() == 0 || job_->in_flight() >= job_->most_in_flight || !job_->waiting->has_extents_left();
+    job_->push_blocked = !job_->place_for_one() || (job_->push_blocked && !job_->place_for_many());
     job_->push_needs_room = !job_->push_blocked && !tracer_->has_room(*job_);
     if (!job_->push_blocked && !job_->push_needs_room) {
       return {};
     }
     tracer_->pump_reads();
     job_->changed.wait(lock);
-    job_->push_blocked = job_->push_needs_room = false;
+    job_->push_needs_room = false;
   }
   return job_->status;
 }

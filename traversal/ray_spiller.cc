@@ -106,7 +106,7 @@ std::optional<RaySpiller::Turn> RaySpiller::extent_of_active() const {
 // What goes to disk next: rays of a job whose memory is short, unless pages that are worth reading will free it.
 std::optional<RaySpiller::Turn> RaySpiller::next_out() const {
   const bool reads_help = tracer_.scheduler_.wanted_count() > 0 &&
-                          (tracer_.cache_->has_free_frame() || tracer_.scheduler_.most_wanted_rays() >= kServedRays);
+                          (tracer_.cache_->has_unused_frame() || tracer_.scheduler_.most_wanted_rays() >= kServedRays);
   const auto wanted = wants_room_ ? extent_of_active() : std::nullopt;
   for (const auto& job : tracer_.jobs_) {
     const std::uint32_t free_chunks = job->waiting->free_chunks();

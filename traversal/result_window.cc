@@ -14,7 +14,8 @@ std::uint64_t ResultWindow::bytes(const Config& config) {
   // A slot has a place in three lists; collect() reads a block at a time and lists the places of a chunk.
   return config.blocks * (config.block_bytes + sizeof(std::uint32_t)) +
          kMostHeld * (chunk_bytes + 2 * config.block_bytes) +
-         config.slots * (sizeof(Slot) + 3 * sizeof(std::uint32_t)) + SpillFile::kTableBytes;
+         config.slots * (sizeof(Slot) + 3 * sizeof(std::uint32_t)) +
+         SpillFile::table_bytes(config.blocks * kPlacesPerBlock);
 }
 
 Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config, storage::Ledger& ledger) {
@@ -32,7 +33,7 @@ ResultWindow::ResultWindow(const Config& config)
       blocks_(config.blocks * config.block_bytes),
       buffers_(kMostHeld * (config.layout.row_bytes() << config.chunk_shift)),
       slots_(config.slots),
-      file_({config.spill_directory, "results", config.block_bytes, false}) {
+      file_({config.spill_directory, "results", config.block_bytes, config.blocks * kPlacesPerBlock, false}) {
   assert(config.blocks >= kMinBlocks && block_rows() > 0);
   assert(config.chunk_shift <= 8 * sizeof(Position) && std::uint64_t(config.slots) << config.chunk_shift <= 1ULL << 32);
   const auto fill = [](std::vector<std::uint32_t>& list, std::uint32_t count) {
@@ -50,7 +51,7 @@ std::uint32_t ResultWindow::room() const { return filling_ == kNone ? 0 : chunk_
 
 bool ResultWindow::begin_slot() {
   assert(filling_ == kNone);
-  if (free_slots_.empty() || under_way_ == config_.blocks) {
+  if (!can_begin()) {
     return false;
   }
   ++under_way_;

@@ -37,6 +37,8 @@ class ResultWindow {
     std::string spill_directory;
   };
   static constexpr std::uint32_t kMinBlocks = 2;
+  /// Blocks on disk, for each in memory, whose places are used again: a bit each.
+  static constexpr std::uint32_t kPlacesPerBlock = 1024;
   /// Chunks that callers may hold at once.
   static constexpr std::uint32_t kMostHeld = 4;
 
@@ -50,6 +52,9 @@ class ResultWindow {
 
   /// Room in the slot being filled; 0 when there is none.
   [[nodiscard]] std::uint32_t room() const;
+  /// Whether a slot can begin, and whether a quarter of the chunks that may be under way can.
+  [[nodiscard]] bool can_begin() const { return !free_slots_.empty() && under_way_ < config_.blocks; }
+  [[nodiscard]] bool can_begin_many() const { return can_begin() && under_way_ <= config_.blocks - config_.blocks / 4; }
   [[nodiscard]] bool filling() const { return filling_ != kNone; }
   /// Begins a slot; false when all are taken, or as many chunks are under way as there are blocks.
   bool begin_slot();

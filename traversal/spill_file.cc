@@ -3,6 +3,8 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cerrno>
 #include <cstring>
@@ -12,7 +14,7 @@
 
 namespace raymill::traversal {
 
-SpillFile::SpillFile(Config config) : config_(std::move(config)) {
+SpillFile::SpillFile(Config config) : config_(std::move(config)), free_(words(config_.remembered_places)) {
   assert(!config_.direct || config_.place_bytes % kAlignment == 0);
 }
 
@@ -23,17 +25,22 @@ SpillFile::~SpillFile() {
 }
 
 std::uint32_t SpillFile::take() {
-  if (free_.empty()) {
+  const std::size_t used_words = std::min<std::size_t>(words(places_), free_.size());
+  while (first_word_ < used_words && free_[first_word_] == 0) {
+    ++first_word_;
+  }
+  if (first_word_ >= used_words) {
     return places_++;
   }
-  const std::uint32_t place = free_.back();
-  free_.pop_back();
-  return place;
+  const auto bit = static_cast<std::uint32_t>(std::countr_zero(free_[first_word_]));
+  free_[first_word_] &= free_[first_word_] - 1;
+  return static_cast<std::uint32_t>(first_word_ * 64) + bit;
 }
 
 void SpillFile::give(std::uint32_t place) {
-  if (free_.size() < kMostFree) {
-    free_.push_back(place);
+  if (const std::size_t word = place / 64; word < free_.size()) {
+    free_[word] |= std::uint64_t(1) << place % 64;
+    first_word_ = std::min(first_word_, word);
   } else {
     // Where the file system cannot, the space comes back when the file goes.
     (void)::fallocate(descriptor_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE,

@@ -318,7 +318,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   }
   unstall();
   // Waking costs more than a small batch: only where whoever waits can go on.
-  const bool go_on = (job->push_blocked && job->in_flight() <= job->most_in_flight - job->most_in_flight / 16) ||
+  const bool go_on = (job->push_blocked && job->place_for_many()) ||
                      (job->push_needs_room && has_room(*job) && job->waiting->count(root_page()) <= kMostAtRoot / 2);
   if (chunk_done || go_on || !job->status.ok() || job->batches_out == 0) {
     job->changed.notify_all();

@@ -50,11 +50,11 @@ std::unique_ptr<GroupTurns> StoreTracer::make_turns() const {
   return std::make_unique<GroupTurns>(config, std::move(source));
 }
 
-// The page to read next. While there are frames a page costs nothing but its read. When another page must go for it,
-// the more rays it serves the better: as long as more rays come it must serve very many; after that rays run as far as
-// they come without reading, and then group after group has its turn.
+// The page to read next. While there are unused frames a page costs nothing but its read. When another page must go for
+// it, the more rays it serves the better: as long as more rays come it must serve very many; after that rays run as far
+// as they come without reading, and then group after group has its turn.
 std::optional<storage::PageId> StoreTracer::page_to_read() {
-  if (cache_->has_free_frame()) {
+  if (cache_->has_unused_frame()) {
     return scheduler_.next_wanted();
   }
   if (more_rays_come()) {

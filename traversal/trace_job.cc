@@ -25,4 +25,12 @@ bool TraceJob::valid(const Ray& ray) {
   return !zero && ray.tnear <= ray.tfar;  // false for NaN
 }
 
+bool TraceJob::place_for_one() const {
+  return window->room() > 0 && in_flight() < most_in_flight && waiting->has_extents_left();
+}
+
+bool TraceJob::place_for_many() const {
+  return in_flight() <= most_in_flight - most_in_flight / 4 && window->can_begin_many() && waiting->has_extents_left();
+}
+
 }  // namespace raymill::traversal

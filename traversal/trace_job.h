@@ -49,13 +49,16 @@ class TraceJob {
   Status status;                 ///< not ok: the job has ended early
   bool finished = false;         ///< no more rays come
   unsigned batches_out = 0;      ///< workers that hold rays of this job
-  bool push_blocked = false;     ///< push() waits until rays are done
+  bool push_blocked = false;     ///< push() waits until there is place for many
   bool push_needs_room = false;  ///< push() waits until there is room for waiting rays
   Clock::time_point last_push{};
   JobStats stats;
   std::uint64_t rays_pushed = 0;
   std::uint64_t rays_done = 0;
   [[nodiscard]] std::uint64_t in_flight() const { return rays_pushed - rays_done; }
+  /// Whether a ray more may be in flight (where it then waits is another matter), and whether a quarter of all may.
+  [[nodiscard]] bool place_for_one() const;
+  [[nodiscard]] bool place_for_many() const;
   Clock::time_point first_push{}, last_done{};
   std::condition_variable changed;  ///< a slot is free or done, there is room, or the job ended
 };

@@ -13,7 +13,7 @@ std::uint64_t WaitingRays::table_bytes(const Config& config) {
   const std::uint64_t groups = (config.page_count + config.group_pages - 1) / config.group_pages;
   // A group's list of extents may be twice as large as what it holds.
   return config.page_count * sizeof(RayQueue) + groups * sizeof(Group) +
-         std::uint64_t(config.most_extents) * 2 * sizeof(Extent) + SpillFile::kTableBytes;
+         std::uint64_t(config.most_extents) * 2 * sizeof(Extent) + SpillFile::table_bytes(config.most_extents);
 }
 
 std::uint64_t WaitingRays::transfer_bytes(std::size_t extent_bytes) {
@@ -32,7 +32,7 @@ WaitingRays::WaitingRays(const Config& config, std::unique_ptr<RayPool> pool, st
       pool_(std::move(pool)),
       queues_(config.page_count),
       groups_((config.page_count + config.group_pages - 1) / config.group_pages),
-      file_({config.directory, "waiting rays", config.extent_bytes, true}) {}
+      file_({config.directory, "waiting rays", config.extent_bytes, config.most_extents, true}) {}
 
 std::byte* WaitingRays::append(storage::PageId page, std::size_t record_bytes) {
   std::byte* record = pool_->append(queues_[index_of(page)], record_bytes);

@@ -118,6 +118,7 @@ std::optional<FrameLease> PageCache::begin_read(PageId page, const PageDemand& d
   if (free_frames_.empty()) {
     return std::nullopt;
   }
+  ++reads_begun_;
   const std::uint32_t frame = free_frames_.back();
   free_frames_.pop_back();
   states_[index_of(page)] = State::reading;

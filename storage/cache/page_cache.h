@@ -96,8 +96,9 @@ class PageCache {
 
   [[nodiscard]] bool absent(PageId page) const { return states_[index_of(page)] == State::absent; }
   [[nodiscard]] bool resident(PageId page) const { return states_[index_of(page)] == State::resident; }
-  /// Whether begin_read could succeed without an eviction.
-  [[nodiscard]] bool has_free_frame();
+  /// Whether there are frames that no page was ever read into. Not those whose page went: they are for the page that it
+  /// went for.
+  [[nodiscard]] bool has_unused_frame() const { return reads_begun_ < config_.frame_count; }
   /// Takes a frame for an absent page, by evicting if need be; empty when every page is wanted or still pinned.
   /// A resident page that rays wait for is never evicted.
   std::optional<FrameLease> begin_read(PageId page, const PageDemand& demand);
@@ -117,6 +118,7 @@ class PageCache {
   };
 
   explicit PageCache(const Config& config);
+  bool has_free_frame();
   void reclaim();
   void evict(std::uint32_t frame);
 
@@ -133,6 +135,7 @@ class PageCache {
   std::atomic<std::uint64_t> epoch_{0};
   const std::unique_ptr<Eviction> eviction_;
   std::uint64_t evictions_ = 0;
+  std::uint64_t reads_begun_ = 0;
 };
 
 }  // namespace raymill::storage

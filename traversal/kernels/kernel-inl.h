@@ -6,9 +6,9 @@
 //   advance    pop: the deepest level with a bit set, there the first child in the ray's octant order
 //   leaf       test its triangles
 //   suspend    the next node's page is not there: the ray waits for it
-// Where we differ: the order is the slots' octant order, not circular from the nearest child; ghosts (copies of
-// ancestors) stand in each page, so climbing never leaves it; while a ray is at work its lane remembers the nodes of
-// its path (lane-inl.h).
+// Where we differ: the order is the slots' octant order, not circular from the nearest child, and siblings that are
+// there come before one that is not; ghosts (copies of ancestors) stand in each page, so climbing never leaves it;
+// while a ray is at work its lane remembers the nodes of its path (lane-inl.h).
 //
 // Rays are interleaved, for a step's memory is the next one's wait: each of kLanes rays makes one step, asks for what
 // its next step reads, and waits its turn in the list of that step.
@@ -235,25 +235,53 @@ class Batch {
       if (!(lane->entries[level][slot] <= lane->tfar)) {
         continue;
       }
-      // No branch on what the child is: it could not be foretold.
-      const unsigned is_leaf = node.leaf >> slot & 1, is_external = node.external >> slot & 1;
-      const std::uint32_t child_index = node.child[slot];
-      Place<N>& child = lane->places[level + 1];
-      child = place;
-      child.node = place.node_at(child_index);
-      const std::byte* corners = place.image + place.indices + child_index * kCornersBytes;
-      const std::byte* reference = place.image + place.externals + child_index * sizeof(ExternalRef);
-      const std::byte* wanted = reinterpret_cast<const std::byte*>(child.node);
-      wanted = is_leaf != 0 ? corners : wanted;
-      wanted = is_external != 0 ? reference : wanted;
-      prefetch(wanted);
-      prefetch(wanted + kLineBytes);
-      lane->level = level + ((is_leaf | is_external) ^ 1);
-      lane->slot = slot;
-      next_->add(is_leaf * kFetch + is_external * kFollow, lane);
+      descend(lane, place, level, slot);
       return;
     }
     finish(lane);
+  }
+
+  // To a child of the node at `place`, at `level`. No branch on what the child is: it could not be foretold.
+  [[gnu::always_inline]] void descend(RayLane* lane, const Place<N>& place, unsigned level, unsigned slot) {
+    const Node<N>& node = *place.node;
+    const unsigned is_leaf = node.leaf >> slot & 1, is_external = node.external >> slot & 1;
+    const std::uint32_t child_index = node.child[slot];
+    Place<N>& child = lane->places[level + 1];
+    child = place;
+    child.node = place.node_at(child_index);
+    const std::byte* corners = place.image + place.indices + child_index * kCornersBytes;
+    const std::byte* reference = place.image + place.externals + child_index * sizeof(ExternalRef);
+    const std::byte* wanted = reinterpret_cast<const std::byte*>(child.node);
+    wanted = is_leaf != 0 ? corners : wanted;
+    wanted = is_external != 0 ? reference : wanted;
+    prefetch(wanted);
+    prefetch(wanted + kLineBytes);
+    lane->level = level + ((is_leaf | is_external) ^ 1);
+    lane->slot = slot;
+    next_->add(is_leaf * kFetch + is_external * kFollow, lane);
+  }
+
+  // The child that is next is not there: goes on with the first sibling that is, and leaves the other pending. False:
+  // there is none.
+  [[gnu::noinline]] bool pass_over(RayLane* lane) {
+    const unsigned level = lane->level;
+    const Place<N>& place = lane->places[level];
+    const Node<N>& node = *place.node;
+    unsigned rest = lane->masks[level];
+    while (rest != 0) {
+      const unsigned slot = first_slot<N>(node, lane->frame.octant, rest);
+      rest &= ~(1U << slot);
+      if (!(lane->entries[level][slot] <= lane->tfar)) {
+        continue;
+      }
+      const bool is_external = (node.external >> slot & 1) != 0;
+      if (!is_external || image_of(place.template at<ExternalRef>(place.externals)[node.child[slot]].page) != nullptr) {
+        lane->set_mask(level, (lane->masks[level] & ~(1U << slot)) | 1U << lane->slot);
+        descend(lane, place, level, slot);
+        return true;
+      }
+    }
+    return false;
   }
 
   // A pop comes to a level above the node where the ray was taken up.
@@ -281,6 +309,10 @@ class Batch {
   void follow(RayLane* lane) {
     const Place<N> place = lane->places[lane->level];
     lane->ref = place.template at<ExternalRef>(place.externals)[place.node->child[lane->slot]];
+    const std::byte* image = image_of(lane->ref.page);
+    if (image == nullptr && pass_over(lane)) {
+      return;
+    }
     Resume resume = Resume::enter;
     if (lane->ref.kind == ExternalKind::leaf) {
       // The leaf hangs on the very node whose mask this is: the bit goes back and a pop finds it there.
@@ -289,7 +321,6 @@ class Batch {
     } else {
       ++lane->level;
     }
-    const std::byte* image = image_of(lane->ref.page);
     if (image == nullptr) {
       identify(lane);
       lane->ray->left = {place.image, place.page, static_cast<std::uint16_t>(place.node - place.node_at(0))};

@@ -51,6 +51,13 @@ class ResultWindowTest : public testing::Test {
       ASSERT_TRUE(complete(rays_.size() - 1).ok());
     }
   }
+  void complete_chunk(std::uint32_t chunk) {
+    for (std::size_t at = rays_.size(); at-- > 0;) {
+      if (rays_[at].position / window_->chunk_rays() == chunk) {
+        ASSERT_TRUE(complete(at).ok());
+      }
+    }
+  }
   void close() {
     if (window_->filling()) {
       window_->close_slot();
@@ -136,18 +143,16 @@ TEST_F(ResultWindowTest, SlotsEndWhenNobodyFetches) {
 }
 
 TEST_F(ResultWindowTest, AsManyChunksAreUnderWayAsThereAreBlocks) {
-  make(7);
+  make(8);
   while (push()) {
   }
-  EXPECT_EQ(pushed_, 7u * 16);
-  for (std::uint32_t i = 0; i < 16; ++i) {
-    for (std::size_t at = 0; at < rays_.size(); ++at) {
-      if (rays_[at].position == 3 * 16 + i) {
-        ASSERT_TRUE(complete(at).ok());
-        break;
-      }
-    }
-  }
+  EXPECT_EQ(pushed_, 8u * 16);
+  EXPECT_FALSE(window_->can_begin());
+  complete_chunk(3);
+  EXPECT_TRUE(window_->can_begin());
+  EXPECT_FALSE(window_->can_begin_many()) << "a quarter of eight is two";
+  complete_chunk(5);
+  EXPECT_TRUE(window_->can_begin_many());
   EXPECT_TRUE(push()) << "the fourth chunk is done";
 }
 

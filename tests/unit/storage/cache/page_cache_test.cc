@@ -55,9 +55,20 @@ TEST_F(PageCacheTest, PageThatIsBeingReadIsNotFoundAndAbandonedFramesComeBack) {
   ASSERT_TRUE(lease);
   EXPECT_FALSE(resident(1));
   EXPECT_FALSE(cache_->absent(PageId{1}));
-  EXPECT_FALSE(cache_->has_free_frame());
+  EXPECT_FALSE(cache_->begin_read(PageId{2}, {demand_, {}})) << "the only frame is taken";
   cache_->abandon(*lease);
   EXPECT_TRUE(cache_->absent(PageId{1}));
+  EXPECT_TRUE(bring(2));
+}
+
+TEST_F(PageCacheTest, FrameWhosePageWentIsNotUnused) {
+  make(4, 2);
+  EXPECT_TRUE(cache_->has_unused_frame());
+  ASSERT_TRUE(bring(0) && cache_->has_unused_frame());
+  ASSERT_TRUE(bring(1));
+  EXPECT_FALSE(cache_->has_unused_frame());
+  cache_->drop(PageId{1});
+  EXPECT_FALSE(cache_->has_unused_frame());
   EXPECT_TRUE(bring(2));
 }
 
