@@ -41,6 +41,11 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_most_in_flight(stats.most_in_flight);
   wire.set_policy(utf8_or_question_marks(stats.policy));
   wire.set_eviction(utf8_or_question_marks(stats.eviction));
+  wire.set_reads(stats.reads);
+  wire.set_stalls(stats.stalls);
+  wire.set_mean_read_depth(stats.mean_read_depth);
+  wire.set_pages_entered(stats.pages_entered);
+  wire.set_peak_in_flight(stats.peak_in_flight);
   wire.mutable_peak_bytes_by_tag()->insert(stats.peak_bytes_by_tag.begin(), stats.peak_bytes_by_tag.end());
   return wire;
 }
@@ -71,6 +76,11 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.most_in_flight = wire.most_in_flight();
   stats.policy = wire.policy();
   stats.eviction = wire.eviction();
+  stats.reads = wire.reads();
+  stats.stalls = wire.stalls();
+  stats.mean_read_depth = wire.mean_read_depth();
+  stats.pages_entered = wire.pages_entered();
+  stats.peak_in_flight = wire.peak_in_flight();
   stats.peak_bytes_by_tag.insert(wire.peak_bytes_by_tag().begin(), wire.peak_bytes_by_tag().end());
   return stats;
 }

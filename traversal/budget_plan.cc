@@ -14,8 +14,8 @@
 namespace raymill::traversal {
 namespace {
 
-// FACTS: direct random reads gain up to a depth of 8; fewer when memory is scarce.
-constexpr unsigned kReadDepth = 8;
+// Pages. FACTS: direct random reads gain up to a depth of 8; neighbours come by one read. Fewer when memory is scarce.
+constexpr unsigned kReadDepth = 16;
 constexpr unsigned kLeastReadDepth = 2;
 // Stack pages that a thread touches (40 KiB of lanes in a kernel), and what the C library keeps for it.
 constexpr std::uint64_t kThreadBytes = 128 << 10;
@@ -52,8 +52,8 @@ std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, un
       storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
   return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
          GroupTurns::bytes(store.page_count(), plan.group_pages) + storage::PageDecoder::process_bytes(store.codec()) +
-         (plan.read_depth + 1) * kThreadBytes + WaitingRays::transfer_bytes(plan.extent_bytes) + max_jobs * kPushBytes +
-         threads * worker;
+         (std::min(plan.read_depth, storage::kMostReaderThreads) + 1) * kThreadBytes +
+         WaitingRays::transfer_bytes(plan.extent_bytes) + max_jobs * kPushBytes + threads * worker;
 }
 
 // What does not depend on frames and jobs.

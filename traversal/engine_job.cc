@@ -137,6 +137,7 @@ Status EngineJob::enqueue(const Piece& piece) {
   job_->last_push = now;
   job_->window->add(piece.rays);
   job_->rays_pushed += piece.rays;
+  job_->stats.peak_in_flight = std::max(job_->stats.peak_in_flight, job_->in_flight());
   Hit unanswered;
   unanswered.t = std::numeric_limits<float>::quiet_NaN();
   for (const std::uint32_t number : piece.invalid) {
@@ -240,6 +241,10 @@ JobStats EngineJob::stats() const {
   JobStats stats = job_->stats;
   stats.rays = job_->rays_pushed;
   stats.pages_read = tracer_->stats_.pages_read;
+  stats.reads = tracer_->reader_->reads();
+  stats.stalls = tracer_->stats_.stalls;
+  stats.mean_read_depth =
+      tracer_->stats_.reads_begun > 0 ? double(tracer_->stats_.depths) / double(tracer_->stats_.reads_begun) : 0.0;
   stats.bytes_read = tracer_->stats_.bytes_read;
   stats.distinct_pages = tracer_->stats_.distinct_pages;
   stats.distinct_bytes = tracer_->stats_.distinct_bytes;

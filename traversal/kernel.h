@@ -16,6 +16,7 @@ namespace raymill::traversal {
 struct KernelCounters {
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
+  std::uint64_t pages_entered = 0;
 };
 
 /// What a kernel reads. Plain data; the pages found through `images` must stay until the call returns.

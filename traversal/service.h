@@ -71,18 +71,23 @@ struct JobStats {
   std::uint64_t invalid = 0;
   // Of the store since it was opened (all jobs together):
   std::uint64_t pages_read = 0;
+  std::uint64_t reads = 0;  ///< by which they came: pages that follow each other in the file come by one
   std::uint64_t bytes_read = 0;
   std::uint64_t distinct_pages = 0;
   std::uint64_t distinct_bytes =
       0;  ///< of those pages as they stand in the file; bytes_read / distinct_bytes: amplification
   std::uint64_t evictions = 0;
-  double decode_seconds = 0;  ///< of all workers
-  double idle_seconds = 0;    ///< of all workers, with jobs running and nothing to run or decode
+  double decode_seconds = 0;   ///< of all workers
+  double idle_seconds = 0;     ///< of all workers, with jobs running and nothing to run or decode
+  std::uint64_t stalls = 0;    ///< times that a worker began to be idle
+  double mean_read_depth = 0;  ///< pages under way when a read began
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
+  std::uint64_t pages_entered = 0;                         ///< times a ray came to a page, or to another part of one
   std::uint64_t rays_parked = 0;                           ///< times a ray waited for a page
-  std::uint64_t most_in_flight = 0;                        ///< rays at once, those that wait on disk among them
+  std::uint64_t peak_in_flight = 0;                        ///< rays that were in flight at once
+  std::uint64_t most_in_flight = 0;                        ///< rays that may be, those that wait on disk among them
   std::uint64_t ray_spill_bytes = 0;                       ///< of rays that waited on disk for a page
   std::uint64_t result_spill_bytes = 0;                    ///< results that waited on disk for next()
   double trace_seconds = 0;                                ///< from the first push to the last hit

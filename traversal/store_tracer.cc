@@ -190,6 +190,7 @@ void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
     return;
   }
   const auto begin = Timeline::Clock::now();
+  ++stats_.stalls;
   work_wake_.wait_for(lock, kPushPatience, something_to_do);
   stats_.idle_seconds += std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
 }
@@ -297,6 +298,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   job->waiting->settle(promised);
   job->waiting->pool().release(batch);
   job->stats.nodes_visited += context.counters.nodes_visited;
+  job->stats.pages_entered += context.counters.pages_entered;
   job->stats.triangles_tested += context.counters.triangles_tested;
   if (context.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +

@@ -130,7 +130,9 @@ void RunStats::add(const JobStats& stats) {
   total_.invalid += before.invalid;
   total_.nodes_visited += before.nodes_visited;
   total_.triangles_tested += before.triangles_tested;
+  total_.pages_entered += before.pages_entered;
   total_.rays_parked += before.rays_parked;
+  total_.peak_in_flight = std::max(total_.peak_in_flight, before.peak_in_flight);
   total_.ray_spill_bytes += before.ray_spill_bytes;
   total_.result_spill_bytes += before.result_spill_bytes;
   total_.trace_seconds += before.trace_seconds;

@@ -15,7 +15,7 @@
 
 namespace raymill::storage {
 
-/// A finished read. The buffer is on loan: give it back by release().
+/// A page that was read. The buffer is on loan: give it back by release().
 struct PageArrival {
   PageId page = kNoPage;
   unsigned buffer = 0;
@@ -31,11 +31,13 @@ class PageReader {
  public:
   /// Waits for the reads that are under way; those that were not begun are dropped without an arrival.
   virtual ~PageReader() = default;
-  /// Reads that may be under way at once, arrivals that were not released included.
+  /// Pages that may be under way at once, arrivals that were not released included.
   [[nodiscard]] virtual unsigned depth() const = 0;
   /// Starts a read; the caller keeps within depth().
   virtual void start(PageId page) = 0;
   virtual void release(const PageArrival& arrival) = 0;
+  /// Reads that the system was asked for: pages that follow each other in the file come by one.
+  [[nodiscard]] virtual std::uint64_t reads() const = 0;
   /// "io_uring/direct", "pread-pool/buffered": for statistics.
   [[nodiscard]] virtual std::string_view name() const = 0;
 };
@@ -51,9 +53,7 @@ Result<std::unique_ptr<PageReader>> make_page_reader(std::shared_ptr<const Store
                                                      unsigned depth, Ledger& ledger, ReadDone done);
 /// The most that a reader of any kind claims.
 std::uint64_t page_reader_bytes(const StoreFile& file, unsigned depth);
-/// A buffer for each read of `depth`.
-inline std::uint64_t read_buffers_bytes(const StoreFile& file, unsigned depth) {
-  return file.read_buffer_bytes() * depth;
-}
+/// Threads that a reader has, at most, whatever its depth.
+constexpr unsigned kMostReaderThreads = 8;
 
 }  // namespace raymill::storage

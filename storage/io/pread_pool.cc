@@ -1,26 +1,24 @@
 #include "storage/io/pread_pool.h"
 
+#include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace raymill::storage {
 
 Result<std::unique_ptr<PreadPool>> PreadPool::create(std::shared_ptr<const StoreFile> file, unsigned depth,
                                                      Ledger& ledger, ReadDone done) {
-  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation reservation, ledger.claim(Tag::io, read_buffers_bytes(*file, depth)));
+  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation reservation, ledger.claim(Tag::io, ReadBuffers::bytes(*file, depth)));
   std::unique_ptr<PreadPool> pool(new PreadPool(std::move(file), depth, std::move(done)));
   pool->reservation_ = std::move(reservation);
-  for (unsigned i = 0; i < depth; ++i) {
+  for (unsigned i = 0; i < std::min(depth, kMostReaderThreads); ++i) {
     pool->threads_.emplace_back([raw = pool.get()] { raw->work(); });
   }
   return pool;
 }
 
 PreadPool::PreadPool(std::shared_ptr<const StoreFile> file, unsigned depth, ReadDone done)
-    : file_(std::move(file)), depth_(depth), done_(std::move(done)), memory_(read_buffers_bytes(*file_, depth)) {
-  for (unsigned i = 0; i < depth; ++i) {
-    free_buffers_.push_back(i);
-  }
-}
+    : file_(std::move(file)), depth_(depth), done_(std::move(done)), buffers_(*file_, depth) {}
 
 PreadPool::~PreadPool() {
   {
@@ -44,32 +42,25 @@ void PreadPool::start(PageId page) {
 void PreadPool::release(const PageArrival& arrival) {
   {
     const std::lock_guard lock(mutex_);
-    free_buffers_.push_back(arrival.buffer);
+    buffers_.release(arrival.buffer);
   }
   wake_.notify_one();
 }
 
 void PreadPool::work() {
-  const std::uint64_t size = file_->read_buffer_bytes();
   std::unique_lock lock(mutex_);
+  std::optional<PageRun> run;
   while (true) {
-    wake_.wait(lock, [this] { return stopping_ || (!requests_.empty() && !free_buffers_.empty()); });
+    wake_.wait(lock, [&] { return stopping_ || (run = buffers_.take(requests_)).has_value(); });
     if (stopping_) {
       return;
     }
-    PageArrival arrival;
-    arrival.page = requests_.front();
-    requests_.erase(requests_.begin());
-    arrival.buffer = free_buffers_.back();
-    free_buffers_.pop_back();
     lock.unlock();
-    auto encoded = file_->read_page(arrival.page, std::span(memory_).subspan(arrival.buffer * size, size));
-    if (encoded) {
-      arrival.encoded = *encoded;
-    } else {
-      arrival.status = encoded.status();
+    reads_.fetch_add(1, std::memory_order_relaxed);
+    const std::uint64_t bytes_read = file_->read_blocks(run->blocks, buffers_.bytes_of(*run));
+    for (PageArrival& arrival : buffers_.arrivals(*run, bytes_read)) {
+      done_(std::move(arrival));
     }
-    done_(arrival);
     lock.lock();
   }
 }

@@ -2,14 +2,15 @@
 // works where containers forbid io_uring. Thread-safe.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
 
-#include "storage/base/aligned.h"
 #include "storage/io/page_reader.h"
+#include "storage/io/read_buffers.h"
 
 namespace raymill::storage {
 
@@ -23,6 +24,7 @@ class PreadPool final : public PageReader {
   [[nodiscard]] unsigned depth() const override { return depth_; }
   void start(PageId page) override;
   void release(const PageArrival& arrival) override;
+  [[nodiscard]] std::uint64_t reads() const override { return reads_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::string_view name() const override {
     return file_->direct() ? "pread-pool/direct" : "pread-pool/buffered";
   }
@@ -35,11 +37,11 @@ class PreadPool final : public PageReader {
   const unsigned depth_;
   ReadDone done_;
   BudgetReservation reservation_;
-  std::vector<std::byte, AlignedAllocator<std::byte, kDirectBlockBytes>> memory_;
   std::mutex mutex_;
   std::condition_variable wake_;
   std::vector<PageId> requests_;  // first in, first out
-  std::vector<unsigned> free_buffers_;
+  ReadBuffers buffers_;
+  std::atomic<std::uint64_t> reads_{0};
   bool stopping_ = false;
   std::vector<std::thread> threads_;
 };

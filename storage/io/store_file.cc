@@ -169,6 +169,14 @@ Result<std::span<const std::byte>> StoreFile::read_page(PageId page, std::span<s
   return page_in(page, buffer, *got);
 }
 
+std::uint64_t StoreFile::read_blocks(const PageBlocks& blocks, std::span<std::byte> buffer) const {
+  const auto got = read_fully(read_descriptor(), buffer.first(blocks.bytes), blocks.offset);
+  if (!direct_) {
+    forget(blocks);
+  }
+  return got.value_or(0);
+}
+
 Status StoreFile::check_page(PageId page, std::span<const std::byte> encoded) const {
   if (checksum(encoded) != directory_[index_of(page)].checksum) {
     return page_fault(page, {ErrorCode::checksum_mismatch, "its bytes are not those that were written"});

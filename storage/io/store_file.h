@@ -60,6 +60,9 @@ class StoreFile {
   [[nodiscard]] PageBlocks blocks_of(PageId page) const;
   /// Direct where the file system allows; open as long as this object.
   [[nodiscard]] int read_descriptor() const { return direct_ ? direct_descriptor_ : descriptor_; }
+  /// Reads blocks of one page or of several that follow each other; how many bytes came: fewer at the file's end, none
+  /// where it could not be read.
+  std::uint64_t read_blocks(const PageBlocks& blocks, std::span<std::byte> buffer) const;
   /// The page's bytes in a buffer into which `bytes_read` of its blocks were read. Errors: io (the file was cut short).
   Result<std::span<const std::byte>> page_in(PageId page, std::span<const std::byte> buffer,
                                              std::uint64_t bytes_read) const;

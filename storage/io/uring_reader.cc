@@ -137,7 +137,7 @@ class UringReader::Ring {
 Status UringReader::available() { return Ring().init(1); }
 
 std::uint64_t UringReader::bytes(const StoreFile& file, unsigned depth) {
-  return read_buffers_bytes(file, depth) + kRingBytes + depth * kReadBytes;
+  return ReadBuffers::bytes(file, depth) + kRingBytes + depth * kReadBytes;
 }
 
 Result<std::unique_ptr<UringReader>> UringReader::create(std::shared_ptr<const StoreFile> file, unsigned depth,
@@ -147,22 +147,14 @@ Result<std::unique_ptr<UringReader>> UringReader::create(std::shared_ptr<const S
   RAYMILL_RETURN_IF_ERROR(ring->init(depth));
   std::unique_ptr<UringReader> reader(new UringReader(std::move(file), depth, std::move(done)));
   reader->reservation_ = std::move(reservation);
-  ring->register_file(reader->file_->read_descriptor(), reader->memory_);
+  ring->register_file(reader->file_->read_descriptor(), reader->buffers_.memory());
   reader->ring_ = std::move(ring);
   reader->thread_ = std::thread([raw = reader.get()] { raw->work(); });
   return reader;
 }
 
 UringReader::UringReader(std::shared_ptr<const StoreFile> file, unsigned depth, ReadDone done)
-    : file_(std::move(file)),
-      depth_(depth),
-      done_(std::move(done)),
-      memory_(read_buffers_bytes(*file_, depth)),
-      slots_(depth) {
-  for (unsigned i = 0; i < depth; ++i) {
-    free_buffers_.push_back(i);
-  }
-}
+    : file_(std::move(file)), depth_(depth), done_(std::move(done)), runs_(depth), buffers_(*file_, depth) {}
 
 UringReader::~UringReader() {
   if (!thread_.joinable()) {
@@ -173,7 +165,7 @@ UringReader::~UringReader() {
     stopping_ = true;
     wake();
   }
-  thread_.join();  // after the last read: the kernel writes into memory_ until then
+  thread_.join();  // after the last read: the kernel writes into the buffers until then
 }
 
 void UringReader::start(PageId page) {
@@ -184,7 +176,7 @@ void UringReader::start(PageId page) {
 
 void UringReader::release(const PageArrival& arrival) {
   const std::lock_guard lock(mutex_);
-  free_buffers_.push_back(arrival.buffer);
+  buffers_.release(arrival.buffer);
   if (!requests_.empty()) {
     wake();
   }
@@ -198,11 +190,6 @@ void UringReader::wake() {
   }
 }
 
-std::span<std::byte> UringReader::buffer_bytes(unsigned buffer) {
-  const std::uint64_t size = file_->read_buffer_bytes();
-  return std::span(memory_).subspan(buffer * size, size);
-}
-
 void UringReader::work() {
   ring_->watch_event();
   while (take_requests()) {
@@ -212,7 +199,7 @@ void UringReader::work() {
         ring_->clear_event();
         ring_->watch_event();
       } else {
-        complete(static_cast<unsigned>(completion->tag), completion->result);
+        complete(runs_[completion->tag], completion->result);
       }
     }
   }
@@ -224,50 +211,25 @@ bool UringReader::take_requests() {
   if (stopping_) {
     return in_flight_ > 0;
   }
-  while (!requests_.empty() && !free_buffers_.empty()) {
-    const unsigned buffer = free_buffers_.back();
-    free_buffers_.pop_back();
-    slots_[buffer] = {requests_.front(), file_->blocks_of(requests_.front()), 0};
-    requests_.erase(requests_.begin());
-    submit(buffer);
+  while (const auto run = buffers_.take(requests_)) {
+    runs_[run->buffer] = *run;
+    ring_->read(buffers_.bytes_of(*run), run->blocks.offset, run->buffer);
     ++in_flight_;
+    reads_.fetch_add(1, std::memory_order_relaxed);
   }
   return true;
 }
 
-void UringReader::submit(unsigned buffer) {
-  const Slot& slot = slots_[buffer];
-  ring_->read(buffer_bytes(buffer).subspan(slot.done_bytes, slot.blocks.bytes - slot.done_bytes),
-              slot.blocks.offset + slot.done_bytes, buffer);
-}
-
 // `result`: bytes read, or an error number below zero.
-void UringReader::complete(unsigned buffer, int result) {
-  Slot& slot = slots_[buffer];
-  if (result > 0) {
-    slot.done_bytes = std::min(slot.done_bytes + static_cast<unsigned>(result), slot.blocks.bytes);
-    // A short read goes on where it stopped. Within a block a direct one cannot: that is the end of the file.
-    if (slot.done_bytes < slot.blocks.needed && slot.done_bytes % kDirectBlockBytes == 0) {
-      submit(buffer);
-      return;
-    }
-  }
-  auto encoded = result >= 0 && slot.done_bytes >= slot.blocks.needed
-                     ? file_->page_in(slot.page, buffer_bytes(buffer), slot.done_bytes)
-                     : file_->read_page(slot.page, buffer_bytes(buffer));
+void UringReader::complete(const PageRun& run, int result) {
+  std::vector<PageArrival> arrivals = buffers_.arrivals(run, static_cast<std::uint64_t>(std::max(result, 0)));
   if (!file_->direct()) {
-    file_->forget(slot.blocks);
+    file_->forget(run.blocks);
   }
   --in_flight_;
-  PageArrival arrival;
-  arrival.page = slot.page;
-  arrival.buffer = buffer;
-  if (encoded) {
-    arrival.encoded = *encoded;
-  } else {
-    arrival.status = encoded.status();
+  for (PageArrival& arrival : arrivals) {
+    done_(std::move(arrival));
   }
-  done_(std::move(arrival));
 }
 
 }  // namespace raymill::storage

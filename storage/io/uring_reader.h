@@ -9,13 +9,14 @@
 // ring cannot do is done again by StoreFile::read_page, which falls back to buffered reads and has the messages.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
 
-#include "storage/base/aligned.h"
 #include "storage/io/page_reader.h"
+#include "storage/io/read_buffers.h"
 
 namespace raymill::storage {
 
@@ -32,40 +33,33 @@ class UringReader final : public PageReader {
   [[nodiscard]] unsigned depth() const override { return depth_; }
   void start(PageId page) override;
   void release(const PageArrival& arrival) override;
+  [[nodiscard]] std::uint64_t reads() const override { return reads_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::string_view name() const override {
     return file_->direct() ? "io_uring/direct" : "io_uring/buffered";
   }
 
  private:
   class Ring;
-  /// What is read into a buffer; used by the ring's thread alone.
-  struct Slot {
-    PageId page = kNoPage;
-    PageBlocks blocks;
-    std::uint64_t done_bytes = 0;
-  };
-
   UringReader(std::shared_ptr<const StoreFile> file, unsigned depth, ReadDone done);
   void work();
-  // Moves requests into slots and submits them; false when there is nothing left to wait for.
+  // Submits requests; false when there is nothing left to wait for.
   bool take_requests();
-  void submit(unsigned buffer);
-  void complete(unsigned buffer, int result);
+  void complete(const PageRun& run, int result);
   void wake();
-  [[nodiscard]] std::span<std::byte> buffer_bytes(unsigned buffer);
 
   std::shared_ptr<const StoreFile> file_;
   const unsigned depth_;
   ReadDone done_;
   BudgetReservation reservation_;
-  std::vector<std::byte, AlignedAllocator<std::byte, kDirectBlockBytes>> memory_;
   std::unique_ptr<Ring> ring_;
-  std::vector<Slot> slots_;  // by buffer
+  // Used by the ring's thread alone.
+  std::vector<PageRun> runs_;  // by first buffer
   unsigned in_flight_ = 0;
+  std::atomic<std::uint64_t> reads_{0};
 
   std::mutex mutex_;              // guards what follows
   std::vector<PageId> requests_;  // first in, first out
-  std::vector<unsigned> free_buffers_;
+  ReadBuffers buffers_;
   bool woken_ = false;  // the eventfd is written and the ring's thread has not looked since
   bool stopping_ = false;
   std::thread thread_;

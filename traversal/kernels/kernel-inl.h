@@ -105,6 +105,7 @@ class Batch {
       Lists& now = lists_[round & 1];
       next_ = &lists_[(round + 1) & 1];
       counters_.nodes_visited += now.count[kVisit];
+      counters_.pages_entered += now.count[kEnter];
       each(now, kVisit, [this](RayLane* lane) { visit(lane); });
       each(now, kFetch, [this](RayLane* lane) { fetch(lane); });
       each(now, kTest, [this](RayLane* lane) { test_leaf(lane); });
@@ -114,6 +115,7 @@ class Batch {
     }
     context_.counters.nodes_visited += counters_.nodes_visited;
     context_.counters.triangles_tested += counters_.triangles_tested;
+    context_.counters.pages_entered += counters_.pages_entered;
   }
 
  private:

@@ -72,6 +72,10 @@ TEST_F(EngineTest, LeastMemoryGivesTheHitsOfPlenty) {
     EXPECT_TRUE(same(plenty.hits, least.hits));
     EXPECT_GT(least.stats.rays_parked, 0u) << "paging was forced";
     EXPECT_GT(least.stats.pages_read, least.stats.distinct_pages);
+    EXPECT_GT(least.stats.pages_entered, least.stats.rays_parked) << "each time a ray waited it came there afterwards";
+    EXPECT_LE(least.stats.reads, least.stats.pages_read);
+    EXPECT_GE(least.stats.mean_read_depth, 1);
+    EXPECT_LE(least.stats.peak_in_flight, least.stats.most_in_flight);
   }
 }
 
@@ -324,6 +328,8 @@ TEST_F(EngineTest, StatsAddUp) {
   EXPECT_GT(traced.stats.nodes_visited, rays_.size());
   EXPECT_GT(traced.stats.triangles_tested, hits);
   EXPECT_EQ(traced.stats.pages_read, traced.stats.distinct_pages) << "plenty of memory: each page once";
+  EXPECT_GE(traced.stats.pages_entered, traced.stats.rays);
+  EXPECT_GT(traced.stats.peak_in_flight, 0u);
   EXPECT_EQ(traced.stats.isa, available_isas().front());
 }
 

@@ -194,7 +194,7 @@ TEST_P(PageReaderTest, EndsWhileReadsAreUnderWay) {
 
 TEST_P(PageReaderTest, ClaimsItsBuffers) {
   const auto two = reader(2);
-  EXPECT_GE(ledger_.used_bytes(Tag::io), read_buffers_bytes(*file_, 2));
+  EXPECT_GE(ledger_.used_bytes(Tag::io), 2 * file_->read_buffer_bytes());
   EXPECT_LE(ledger_.used_bytes(Tag::io), page_reader_bytes(*file_, 2));
   Ledger small(100);
   EXPECT_EQ(make_page_reader(file_, GetParam(), 2, small, [](const PageArrival&) {}).status().code(),
