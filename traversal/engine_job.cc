@@ -233,7 +233,7 @@ Status EngineJob::status() const {
 
 JobProgress EngineJob::progress() const {
   const std::lock_guard lock(tracer_->mutex_);
-  return {job_->rays_pushed, job_->rays_done};
+  return {job_->rays_pushed, job_->rays_done, tracer_->stats_.bytes_read};
 }
 
 JobStats EngineJob::stats() const {

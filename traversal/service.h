@@ -63,6 +63,7 @@ class HitChunk {
 struct JobProgress {
   std::uint64_t rays_pushed = 0;
   std::uint64_t rays_done = 0;
+  std::uint64_t bytes_read = 0;  ///< of pages, by the store since it was opened; 0: not known here
 };
 
 struct JobStats {

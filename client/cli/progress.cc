@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "storage/base/ledger.h"
+
 namespace raymill::client {
 
 namespace {
@@ -51,6 +53,9 @@ std::string bar(const ProgressState& state) {
   if (!state.unit.empty() && state.elapsed_seconds > 0) {
     text += "  " + rate_text(static_cast<double>(state.done) / state.elapsed_seconds) + std::string(state.unit) + "/s";
   }
+  if (state.paged_bytes > 0) {
+    text += "  " + storage::format_bytes(state.paged_bytes) + " paged";
+  }
   if (state.fraction > 0 && state.fraction < 1 && state.elapsed_seconds > 1) {
     text += "  " + time_text(seconds_left(state)) + " left";
   }
@@ -65,6 +70,9 @@ std::string json(const ProgressState& state) {
     const double rate = state.elapsed_seconds > 0 ? static_cast<double>(state.done) / state.elapsed_seconds : 0;
     text += ",\"" + std::string(state.unit) + "_done\":" + std::to_string(state.done) + ",\"" +
             std::string(state.unit) + "_per_second\":" + formatted("%.1f", rate);
+  }
+  if (state.paged_bytes > 0) {
+    text += ",\"paged_bytes\":" + std::to_string(state.paged_bytes);
   }
   if (state.fraction > 0) {
     text += ",\"seconds_left\":" + formatted("%.1f", seconds_left(state));
@@ -109,7 +117,8 @@ Progress::~Progress() {
   }
 }
 
-void Progress::report(std::string_view phase, double fraction, std::uint64_t done, std::string_view unit) {
+void Progress::report(std::string_view phase, double fraction, std::uint64_t done, std::string_view unit,
+                      std::uint64_t paged_bytes) {
   if (style_ == ProgressStyle::none) {
     return;
   }
@@ -132,7 +141,8 @@ void Progress::report(std::string_view phase, double fraction, std::uint64_t don
                                .fraction = std::clamp(fraction, 0.0, 1.0),
                                .done = done,
                                .unit = unit,
-                               .elapsed_seconds = std::chrono::duration<double>(now - begin_).count()});
+                               .elapsed_seconds = std::chrono::duration<double>(now - begin_).count(),
+                               .paged_bytes = paged_bytes});
   if (text == last_text_) {
     return;
   }

@@ -23,6 +23,7 @@ struct ProgressState {
   std::uint64_t done = 0;       ///< of `unit`; 0 where nothing is counted
   std::string_view unit = {};   ///< "rays"; empty where nothing is counted
   double elapsed_seconds = 0;
+  std::uint64_t paged_bytes = 0;  ///< read from the store; 0 where nothing is
 };
 
 /// One report in `style`, without the line's end.
@@ -36,7 +37,8 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
   ~Progress();  ///< clears the bar
 
-  void report(std::string_view phase, double fraction, std::uint64_t done = 0, std::string_view unit = {});
+  void report(std::string_view phase, double fraction, std::uint64_t done = 0, std::string_view unit = {},
+              std::uint64_t paged_bytes = 0);
 
  private:
   using Clock = std::chrono::steady_clock;

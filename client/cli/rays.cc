@@ -174,7 +174,7 @@ Status write_secondary(const Options& options, const RayMaker& maker, RayFileWri
         },
         [&](const JobProgress& state) {
           const double share = static_cast<double>(state.rays_done) / static_cast<double>(options.count);
-          progress.report("rays", std::min(share, 1.0), state.rays_done, "rays");
+          progress.report("rays", std::min(share, 1.0), state.rays_done, "rays", state.bytes_read);
         },
         times);
     RAYMILL_RETURN_IF_ERROR(status);

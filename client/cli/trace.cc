@@ -75,7 +75,8 @@ Status run(Options& options) {
         return file->write(chunk.rows());
       },
       [&](const JobProgress& state) {
-        progress->report("trace", static_cast<double>(rows_before + state.rays_done) / total, state.rays_done, "rays");
+        progress->report("trace", static_cast<double>(rows_before + state.rays_done) / total, state.rays_done, "rays",
+                         state.bytes_read);
       },
       times);
   if (status.code() == ErrorCode::interrupted && options.resume) {

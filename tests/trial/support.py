@@ -40,7 +40,7 @@ def parser(text):
 
 
 def work_folder(options):
-    return tempfile.TemporaryDirectory(prefix="raymill-trial-", dir=options.work)
+    return tempfile.TemporaryDirectory(prefix="raymill-trial-", dir=options.work and pathlib.Path(options.work).resolve())
 
 
 def scenes_folder():

@@ -7,8 +7,12 @@
 namespace raymill::client {
 namespace {
 
-constexpr ProgressState kState{
-    .phase = "trace", .fraction = 0.4279, .done = 3000000, .unit = "rays", .elapsed_seconds = 2};
+constexpr ProgressState kState{.phase = "trace",
+                               .fraction = 0.4279,
+                               .done = 3000000,
+                               .unit = "rays",
+                               .elapsed_seconds = 2,
+                               .paged_bytes = 3 << 20};
 
 TEST(Progress, FarmLinesAreWhatTheFarmsRead) {
   EXPECT_EQ(format_progress(ProgressStyle::alf, kState), "ALF_PROGRESS 42%");
@@ -25,14 +29,16 @@ TEST(Progress, JsonLineParses) {
   EXPECT_EQ(object["rays_done"], 3000000);
   EXPECT_NEAR(object["rays_per_second"].get<double>(), 1.5e6, 1);
   EXPECT_NEAR(object["seconds_left"].get<double>(), 2.7, 0.1);
+  EXPECT_EQ(object["paged_bytes"], 3 << 20);
   EXPECT_FALSE(nlohmann::json::parse(format_progress(ProgressStyle::json, {.phase = "build"})).contains("rays_done"));
 }
 
-TEST(Progress, BarSaysRateAndTimeLeft) {
+TEST(Progress, BarSaysRateBytesPagedAndTimeLeft) {
   const std::string text = format_progress(ProgressStyle::bar, kState);
   EXPECT_NE(text.find("42%"), std::string::npos) << text;
   EXPECT_NE(text.find("1.50 Mrays/s"), std::string::npos) << text;
   EXPECT_NE(text.find("0:03 left"), std::string::npos) << text;
+  EXPECT_NE(text.find("3.0 MiB paged"), std::string::npos) << text;
 }
 
 TEST(Progress, StylesByName) {
