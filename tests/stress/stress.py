@@ -160,8 +160,9 @@ class Stress:
 
     def drop_refused(self, options, stderr):
         """Takes out what this machine has not (io_uring, AVX2); whether there was any."""
+        option = "--io" if "refused here" in stderr else "--isa" if "this machine runs" in stderr else None
         for at in range(0, len(options), 2):
-            if options[at] in ("--io", "--isa") and re.search(r"refused here|this machine runs", stderr):
+            if options[at] == option:
                 self.refused.add((options[at], options[at + 1]))
                 print(f"left out: {options[at]} {options[at + 1]} ({stderr.strip()})")
                 del options[at:at + 2]
