@@ -35,7 +35,7 @@ class ReadBuffers {
 
   ReadBuffers(const StoreFile& file, unsigned count);
   static std::uint64_t bytes(const StoreFile& file, unsigned count) {
-    return count * (file.read_buffer_bytes() + sizeof(unsigned) + sizeof(bool));
+    return count * (file.read_buffer_bytes() + 2 * sizeof(PageRun) + sizeof(PageArrival));
   }
 
   /// Takes the oldest request and those after it that go on where it ends, as far as buffers are free; none: no

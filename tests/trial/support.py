@@ -7,6 +7,7 @@ import math
 import os
 import pathlib
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -177,6 +178,21 @@ class Table:
 
 def mib(size):
     return f"{size / MIB:.1f}"
+
+
+def run_bench(make, options, name):
+    """Runs make(options, folder), a bench with lines and problems, in options.work or a folder that is removed; prints
+    its lines of JSON and how to repeat it. Returns the exit code."""
+    with tempfile.TemporaryDirectory(prefix="raymill-bench-") as folder:
+        bench = make(options, (options.work or pathlib.Path(folder)).resolve())
+        try:
+            bench.run()
+        except Failure as failure:
+            bench.problems.append(str(failure))
+    for line in bench.lines:
+        print(json.dumps(line))
+    print(f"again: {shlex.join([sys.executable, *sys.argv])}")
+    return ended(bench.problems, name)
 
 
 def ended(problems, what):

@@ -14,7 +14,6 @@ import json
 import pathlib
 import shlex
 import sys
-import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "trial"))
@@ -127,17 +126,7 @@ def parse():
 
 
 def main():
-    options = parse()
-    with tempfile.TemporaryDirectory(prefix="raymill-bench-") as folder:
-        bench = Bench(options, (options.work or pathlib.Path(folder)).resolve())
-        try:
-            bench.run()
-        except support.Failure as failure:
-            bench.problems.append(str(failure))
-    for line in bench.lines:
-        print(json.dumps(line))
-    print(f"again: {shlex.join([sys.executable, *sys.argv])}")
-    return support.ended(bench.problems, "build table")
+    return support.run_bench(Bench, parse(), "build table")
 
 
 if __name__ == "__main__":

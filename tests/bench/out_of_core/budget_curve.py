@@ -22,7 +22,6 @@ import os
 import pathlib
 import shlex
 import sys
-import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "trial"))
@@ -244,17 +243,7 @@ def parse():
 
 
 def main():
-    options = parse()
-    with tempfile.TemporaryDirectory(prefix="raymill-bench-") as folder:
-        curve = Curve(options, (options.work or pathlib.Path(folder)).resolve())
-        try:
-            curve.run()
-        except support.Failure as failure:
-            curve.problems.append(str(failure))
-    for line in curve.lines:
-        print(json.dumps(line))
-    print(f"again: {shlex.join([sys.executable, *sys.argv])}")
-    return support.ended(curve.problems, "budget curve")
+    return support.run_bench(Curve, parse(), "budget curve")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ import os
 import pathlib
 import shlex
 import sys
-import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "trial"))
@@ -150,17 +149,7 @@ def parse():
 
 
 def main():
-    options = parse()
-    with tempfile.TemporaryDirectory(prefix="raymill-bench-") as folder:
-        table = PolicyTable(options, (options.work or pathlib.Path(folder)).resolve())
-        try:
-            table.run()
-        except support.Failure as failure:
-            table.problems.append(str(failure))
-    for line in table.lines:
-        print(json.dumps(line))
-    print(f"again: {shlex.join([sys.executable, *sys.argv])}")
-    return support.ended(table.problems, "policy table")
+    return support.run_bench(PolicyTable, parse(), "policy table")
 
 
 if __name__ == "__main__":
