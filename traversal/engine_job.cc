@@ -243,8 +243,8 @@ JobStats EngineJob::stats() const {
   stats.pages_read = tracer_->stats_.pages_read;
   stats.reads = tracer_->reader_->reads();
   stats.stalls = tracer_->stats_.stalls;
-  stats.mean_read_depth =
-      tracer_->stats_.reads_begun > 0 ? double(tracer_->stats_.depths) / double(tracer_->stats_.reads_begun) : 0.0;
+  const std::uint64_t begun = tracer_->stats_.pages_read + tracer_->readings_.size();
+  stats.mean_read_depth = begun > 0 ? double(tracer_->stats_.depths) / double(begun) : 0.0;
   stats.bytes_read = tracer_->stats_.bytes_read;
   stats.distinct_pages = tracer_->stats_.distinct_pages;
   stats.distinct_bytes = tracer_->stats_.distinct_bytes;

@@ -80,7 +80,7 @@ struct JobStats {
   std::uint64_t evictions = 0;
   double decode_seconds = 0;   ///< of all workers
   double idle_seconds = 0;     ///< of all workers, with jobs running and nothing to run or decode
-  std::uint64_t stalls = 0;    ///< times that a worker began to be idle
+  std::uint64_t stalls = 0;    ///< times that a worker was idle, each up to 10 ms
   double mean_read_depth = 0;  ///< pages under way when a read began
   // Of this job:
   std::uint64_t nodes_visited = 0;

@@ -83,8 +83,7 @@ class StoreTracer {
   struct StoreStats {
     std::uint64_t pages_read = 0;
     std::uint64_t stalls = 0;
-    std::uint64_t reads_begun = 0;
-    std::uint64_t depths = 0;  // pages under way when each read began
+    std::uint64_t depths = 0;  // pages under way when each read began, added up
     std::uint64_t bytes_read = 0;
     std::uint64_t distinct_pages = 0;
     std::uint64_t distinct_bytes = 0;

@@ -88,7 +88,6 @@ void StoreTracer::pump_reads() {
     }
     scheduler_.reading(*page);
     readings_.push_back({*lease, Timeline::Clock::now()});
-    ++stats_.reads_begun;
     stats_.depths += readings_.size();
     reader_->start(*page);
   }

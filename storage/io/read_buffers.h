@@ -4,8 +4,8 @@
 //                           run 4
 //
 // Pages that stand one after the other in the file come by one read, into buffers that lie beside each other; those are
-// free again when the last of the pages is released. Thread-compatible under the reader's lock but bytes() and
-// arrivals(), which need none.
+// free again when the last of the pages is released. Thread-compatible under the reader's lock but bytes_of(),
+// run_in() and arrivals(), which need none.
 #pragma once
 
 #include <cstddef>
@@ -35,12 +35,14 @@ class ReadBuffers {
 
   ReadBuffers(const StoreFile& file, unsigned count);
   static std::uint64_t bytes(const StoreFile& file, unsigned count) {
-    return count * (file.read_buffer_bytes() + 2 * sizeof(PageRun) + sizeof(PageArrival));
+    return count * (file.read_buffer_bytes() + sizeof(PageRun) + sizeof(PageArrival));
   }
 
   /// Takes the oldest request and those after it that go on where it ends, as far as buffers are free; none: no
   /// request or no buffer.
   std::optional<PageRun> take(std::vector<PageId>& requests);
+  /// The run that begins in this buffer; as long as none of its pages was released, no lock is needed.
+  [[nodiscard]] const PageRun& run_in(unsigned buffer) const { return holders_[buffer]; }
   /// A page of the run that began in this buffer is needed no more.
   void release(unsigned buffer);
 

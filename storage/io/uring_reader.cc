@@ -154,7 +154,7 @@ Result<std::unique_ptr<UringReader>> UringReader::create(std::shared_ptr<const S
 }
 
 UringReader::UringReader(std::shared_ptr<const StoreFile> file, unsigned depth, ReadDone done)
-    : file_(std::move(file)), depth_(depth), done_(std::move(done)), runs_(depth), buffers_(*file_, depth) {}
+    : file_(std::move(file)), depth_(depth), done_(std::move(done)), buffers_(*file_, depth) {}
 
 UringReader::~UringReader() {
   if (!thread_.joinable()) {
@@ -199,7 +199,7 @@ void UringReader::work() {
         ring_->clear_event();
         ring_->watch_event();
       } else {
-        complete(runs_[completion->tag], completion->result);
+        complete(buffers_.run_in(static_cast<unsigned>(completion->tag)), completion->result);
       }
     }
   }
@@ -212,7 +212,6 @@ bool UringReader::take_requests() {
     return in_flight_ > 0;
   }
   while (const auto run = buffers_.take(requests_)) {
-    runs_[run->buffer] = *run;
     ring_->read(buffers_.bytes_of(*run), run->blocks.offset, run->buffer);
     ++in_flight_;
     reads_.fetch_add(1, std::memory_order_relaxed);

@@ -52,9 +52,7 @@ class UringReader final : public PageReader {
   ReadDone done_;
   BudgetReservation reservation_;
   std::unique_ptr<Ring> ring_;
-  // Used by the ring's thread alone.
-  std::vector<PageRun> runs_;  // by first buffer
-  unsigned in_flight_ = 0;
+  unsigned in_flight_ = 0;  // used by the ring's thread alone
   std::atomic<std::uint64_t> reads_{0};
 
   std::mutex mutex_;              // guards what follows

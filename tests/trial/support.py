@@ -35,13 +35,14 @@ def parser(text):
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # files are removed on the way out
     options = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=program, help="the program: build/release/bin/raymill")
-    options.add_argument("--work", help="folder for the trial's files, removed at the end; default TMPDIR")
+    options.add_argument("--work", type=lambda path: pathlib.Path(path).resolve(),
+                         help="folder for the trial's files, removed at the end; default TMPDIR")
     options.add_argument("--short", action="store_true", help="the form that ctest runs")
     return options
 
 
 def work_folder(options):
-    return tempfile.TemporaryDirectory(prefix="raymill-trial-", dir=options.work and pathlib.Path(options.work).resolve())
+    return tempfile.TemporaryDirectory(prefix="raymill-trial-", dir=options.work)
 
 
 def scenes_folder():
