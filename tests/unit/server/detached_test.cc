@@ -120,13 +120,23 @@ TEST(ServerSubmit, CancelStopsARunningJobAndWaitersLearnIt) {
 TEST(ServerSubmit, AFailedJobSaysWhy) {
   Harness harness;
   const auto client = harness.client();
+  harness.fake().hold(true);  // or the failure may come before all rays are sent
   const auto id = submit(*client, "failing", 6000);
-  ASSERT_TRUE(id.ok());
+  ASSERT_TRUE(id.ok()) << id.status().message();
+  harness.fake().hold(false);
   const auto info = client->wait(*id, 10);
   ASSERT_TRUE(info.ok());
   EXPECT_EQ(info->state, JobState::failed);
   EXPECT_EQ(info->message, "the disk of the fake store failed");
   EXPECT_EQ(client->fetch(*id, {}, {}).code(), ErrorCode::io);
+}
+
+TEST(ServerSubmit, AJobThatFailsWhileItsRaysAreSentEndsTheSubmission) {
+  Harness harness;
+  const auto client = harness.client();
+  const auto id = submit(*client, "failing", 100'000'000);
+  EXPECT_EQ(id.status().code(), ErrorCode::io);
+  EXPECT_EQ(id.status().message(), "the disk of the fake store failed");
 }
 
 TEST(ServerSubmit, AFailingSourceOfRaysLeavesNothingBehind) {
