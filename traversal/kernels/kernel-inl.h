@@ -341,9 +341,9 @@ class Batch {
     LeafBlock& leaf = lane->leaf;
     leaf.vertices = place.template at<float>(place.vertices);
     corner_indices(indices, count, leaf.index);
-    for (const auto& corners : leaf.index) {
-      for (const std::int32_t at : corners) {
-        prefetch(leaf.vertices + at);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      for (const auto& corners : leaf.index) {
+        prefetch(leaf.vertices + corners[i]);
       }
     }
     next_->add(kTest, lane);
@@ -357,7 +357,8 @@ class Batch {
     const LeafBlock& leaf = lane->leaf;
     const unsigned used = (1U << count) - 1;
     if constexpr (kMode == Mode::watertight) {
-      for (unsigned mask = woop_filter(lane->frame, leaf) & used; mask != 0; mask &= mask - 1) {
+      for (unsigned mask = woop_filter(lane->frame, leaf, lane->tnear, lane->tfar) & used; mask != 0;
+           mask &= mask - 1) {
         const int i = std::countr_zero(mask);
         const Corners corners = corners_of(leaf, i);
         Candidate hit;

@@ -78,7 +78,10 @@ inline Corners corners_of(const LeafBlock& leaf, int lane) {
 // and L <= 2 M. M <= L + Z with Z the largest |z - oz|, up to u. So more than 2^-18 L (L + Z) = 64 u L (L + Z) away
 // from zero the float32 sign is the sign in float64, whose own error is 2^-29 of that. The constant added keeps the
 // bound above what denormal products lose. NaN and infinity compare false: such lanes go to the float64 test.
-inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf) {
+//
+// Nor lanes whose box ends before tnear or begins after tfar on the axis kz: with the same roundings triangle_interval
+// would find that, and its other axes can only narrow it.
+inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf, float tnear, float tfar) {
   const Float8 ox = Float8::broadcast(ray.org[ray.kx]), oy = Float8::broadcast(ray.org[ray.ky]),
                oz = Float8::broadcast(ray.org[ray.kz]);
   const Float8 sx = Float8::broadcast(ray.sx), sy = Float8::broadcast(ray.sy);
@@ -104,7 +107,14 @@ inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf) {
   const Float8 low = min_keep(min_keep(u, v), w);
   const Float8 high = max_keep(max_keep(u, v), w);
   const Float8 minus_bound = Float8::broadcast(0.0F) - bound;
-  const unsigned rejected = less(low, minus_bound) & less(bound, high);
+  const bool negative = (ray.octant >> ray.kz & 1) != 0;
+  const Float8 first = min_keep(min_keep(az, bz), cz), last = max_keep(max_keep(az, bz), cz);
+  const Float8 rdir = Float8::broadcast(ray.rdir[ray.kz]);
+  const Float8 entry = (negative ? last : first) * rdir;
+  Float8 exit = (negative ? first : last) * rdir;
+  exit = exit + abs(exit) * Float8::broadcast(kExitPad);
+  const unsigned rejected = (less(low, minus_bound) & less(bound, high)) | less(Float8::broadcast(tfar), entry) |
+                            less(exit, Float8::broadcast(tnear));
   return ~rejected & 0xFFU;
 }
 
