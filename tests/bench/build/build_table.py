@@ -119,7 +119,7 @@ def parse():
     options.add_argument("--short", action="store_true", help="the form that ctest runs")
     options = options.parse_args()
     if options.short:
-        options.triangles, options.memory, options.sah_triangles = "1M", "100M", "1M"
+        options.triangles, options.memory, options.sah_triangles = "300K", "100M", "500K"
     if options.work:
         options.work.mkdir(parents=True, exist_ok=True)
     return options

@@ -38,7 +38,7 @@ class EngineTest : public testing::Test {
   EngineTest() {
     Random random(1);
     path_ = tests::build_store(folder_, "scene.mill", {tests::soup(random, 12000, 0.1F), tests::grid(10, 0.1F)});
-    rays_ = tests::random_rays(random, {{-1, -1, -1}, {1, 1, 1}}, 20000);
+    rays_ = tests::random_rays(random, {{-1, -1, -1}, {1, 1, 1}}, 8000);
   }
   // Results that are not fetched go to the test's folder.
   TraceSetup spilling(unsigned threads = 1) {
@@ -189,7 +189,7 @@ TEST_F(EngineTest, JobsDroppedAtAnyTimeLeaveTheStoreUsable) {
   const auto store = *engine_->open(path_);
   for (std::size_t i = 0; i < 20; ++i) {
     auto job = *store->trace({});
-    EXPECT_TRUE(job->push(std::span(rays_).first(i * 900)).ok());
+    EXPECT_TRUE(job->push(std::span(rays_).first(i * 400)).ok());
     if (i % 2 == 0) {
       (void)job->finish();
       (void)job->next();

@@ -283,7 +283,7 @@ TEST(Partition, ProgressRisesAndItsErrorEndsTheWork) {
   ASSERT_GT(seen.size(), 10u);
   EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
   EXPECT_GE(seen.back(), 2 * triangles.size()) << "counted and handed out";
-  for (std::size_t stop_at = 1; stop_at <= seen.size(); stop_at += 7) {
+  for (std::size_t stop_at = 1; stop_at <= seen.size(); stop_at += 29) {
     std::size_t calls = 0;
     const Status status =
         cut(triangles, {.progress =

@@ -157,7 +157,7 @@ TEST(PageImage, FlippedBitsAreRefusedOrHarmless) {
   std::size_t accepted = 0, refused = 0;
   for (std::size_t page = 0; page < pages.images.size(); ++page) {
     tests::LoadedPages loaded = tests::load_pages(pages);
-    for (std::size_t i = 0; i < pages.images[page].size(); ++i) {
+    for (std::size_t i = 0; i < pages.images[page].size(); i += 3) {
       const auto bit = static_cast<std::byte>(1U << random.below(8));
       loaded.images[page][i] ^= bit;
       if (validate_image(loaded.images[page], pages.rules).ok()) {
