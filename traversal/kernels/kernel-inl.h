@@ -18,7 +18,7 @@
 //        v             v                          v                             v
 //      visit    fetch: corners' indices    follow: the reference             finished -> next ray
 //        |             v                          v
-//        |      test: the triangles         enter: the node, or suspended -> next ray
+//        |      filter, decide: triangles   enter: the node, or suspended -> next ray
 //        +-------------+--------------------------+
 #pragma once
 
@@ -78,8 +78,8 @@ template <int N>
 
 inline void prefetch(const void* address) { __builtin_prefetch(address); }
 
-/// What a ray does next.
-enum Step : unsigned { kVisit, kFetch, kFollow, kTest, kEnter, kReport, kStepCount };
+/// What a ray does next. The first six wait a round for their memory; the last two are of the same round.
+enum Step : unsigned { kVisit, kFetch, kFollow, kFilter, kEnter, kReport, kDecide, kAdvance, kStepCount };
 
 // Lanes by their next step.
 template <typename L, unsigned kCapacity>
@@ -101,16 +101,20 @@ class Batch {
       take_ray(&lane);
     }
     for (unsigned round = 0; !lists_[round & 1].empty(); ++round) {
-      // What steps add is for the next round: their memory is on its way by then.
+      // What steps add is for the next round: their memory is on its way by then. Within a round the arithmetic of all
+      // rays comes before the first branch on its results: a branch foretold wrongly then waits for nothing else.
       Lists& now = lists_[round & 1];
+      now_ = &now;
       next_ = &lists_[(round + 1) & 1];
       counters_.nodes_visited += now.count[kVisit];
       counters_.pages_entered += now.count[kEnter];
       each(now, kVisit, [this](RayLane* lane) { visit(lane); });
-      each(now, kFetch, [this](RayLane* lane) { fetch(lane); });
-      each(now, kTest, [this](RayLane* lane) { test_leaf(lane); });
-      each(now, kFollow, [this](RayLane* lane) { follow(lane); });
       each(now, kEnter, [this](RayLane* lane) { enter(lane); });
+      each(now, kFilter, [this](RayLane* lane) { filter_leaf(lane); });
+      each(now, kFetch, [this](RayLane* lane) { fetch(lane); });
+      each(now, kDecide, [this](RayLane* lane) { decide_leaf(lane); });
+      each(now, kAdvance, [this](RayLane* lane) { advance(lane); });
+      each(now, kFollow, [this](RayLane* lane) { follow(lane); });
       each(now, kReport, [this](RayLane* lane) { report(lane); });
     }
     context_.counters.nodes_visited += counters_.nodes_visited;
@@ -127,10 +131,11 @@ class Batch {
 
   template <typename Do>
   static void each(Lists& lists, Step step, Do&& make_step) {
-    for (unsigned i = 0; i < lists.count[step]; ++i) {
+    const unsigned count = lists.count[step];
+    lists.count[step] = 0;
+    for (unsigned i = 0; i < count; ++i) {
       make_step(lists.lanes[step][i]);
     }
-    lists.count[step] = 0;
   }
 
   // A ray that is not done begins where it waited.
@@ -206,7 +211,7 @@ class Batch {
       ++counters_.nodes_visited;
       visit(lane);
     } else if (measure(lane, lane->level)) {
-      advance(lane);
+      now_->add(kAdvance, lane);
     } else {
       fail(lane);
     }
@@ -216,7 +221,7 @@ class Batch {
     const unsigned level = lane->level;
     lane->set_mask(
         level, test_boxes<N>(*lane->places[level].node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]));
-    advance(lane);
+    now_->add(kAdvance, lane);
   }
 
   // Chooses the next pending child and asks for its memory.
@@ -346,40 +351,41 @@ class Batch {
         prefetch(leaf.vertices + corners[i]);
       }
     }
-    next_->add(kTest, lane);
+    next_->add(kFilter, lane);
   }
 
-  void test_leaf(RayLane* lane) {
-    const Place<N>& place = lane->places[lane->level];
-    const std::uint32_t first = place.node->child[lane->slot];
-    const std::uint32_t count = place.node->count[lane->slot];
+  // Which triangles may be hit.
+  void filter_leaf(RayLane* lane) {
+    const std::uint32_t count = lane->places[lane->level].node->count[lane->slot];
     counters_.triangles_tested += count;
-    const LeafBlock& leaf = lane->leaf;
     const unsigned used = (1U << count) - 1;
     if constexpr (kMode == Mode::watertight) {
-      for (unsigned mask = woop_filter(lane->frame, leaf, lane->tnear, lane->tfar) & used; mask != 0;
-           mask &= mask - 1) {
-        const int i = std::countr_zero(mask);
-        const Corners corners = corners_of(leaf, i);
-        Candidate hit;
-        if (woop_decide(lane->frame, corners, hit) &&
-            offer(lane, hit, corners, first + static_cast<std::uint32_t>(i))) {
-          finish(lane);
-          return;
-        }
-      }
+      lane->candidates = woop_filter(lane->frame, lane->leaf, lane->tnear, lane->tfar) & used;
     } else {
-      const MoellerTrumbore result = moeller_trumbore(lane->frame, leaf);
-      for (unsigned mask = result.hits & used; mask != 0; mask &= mask - 1) {
-        const int i = std::countr_zero(mask);
-        if (offer(lane, {result.t[i], result.u[i], result.v[i]}, corners_of(leaf, i),
-                  first + static_cast<std::uint32_t>(i))) {
-          finish(lane);
-          return;
+      lane->candidates = moeller_trumbore(lane->frame, lane->leaf, lane->quotients) & used;
+    }
+    now_->add(lane->candidates != 0 ? kDecide : kAdvance, lane);
+  }
+
+  void decide_leaf(RayLane* lane) {
+    const std::uint32_t first = lane->places[lane->level].node->child[lane->slot];
+    for (unsigned mask = lane->candidates; mask != 0; mask &= mask - 1) {
+      const int i = std::countr_zero(mask);
+      const Corners corners = corners_of(lane->leaf, i);
+      Candidate hit;
+      if constexpr (kMode == Mode::watertight) {
+        if (!woop_decide(lane->frame, corners, hit)) {
+          continue;
         }
+      } else {
+        hit = {lane->quotients.t[i], lane->quotients.u[i], lane->quotients.v[i]};
+      }
+      if (offer(lane, hit, corners, first + static_cast<std::uint32_t>(i))) {
+        finish(lane);
+        return;
       }
     }
-    advance(lane);
+    now_->add(kAdvance, lane);
   }
 
   // Takes the hit if it lies in the interval and before the best so far: by t, then geometry id, then primitive id.
@@ -444,6 +450,7 @@ class Batch {
   std::size_t taken_ = 0;
   KernelCounters counters_;
   std::array<Lists, 2> lists_;
+  Lists* now_ = &lists_[1];
   Lists* next_ = &lists_[0];
   std::array<RayLane, kLanes> lanes_;
 };

@@ -53,6 +53,8 @@ struct alignas(64) Lane {
   std::uint32_t levels;  // bit for each level with a mask left
   ExternalRef ref;       // while it is followed
   LeafBlock leaf;        // while it is tested
+  unsigned candidates;   // of its triangles
+  Quotients quotients;   // of them, in mode fast
   // The best hit where its ids have not been looked up, else null.
   const std::byte* hit_image;
   std::uint32_t hit_triangle;

@@ -107,11 +107,11 @@ inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf, float tn
   const Float8 low = min_keep(min_keep(u, v), w);
   const Float8 high = max_keep(max_keep(u, v), w);
   const Float8 minus_bound = Float8::broadcast(0.0F) - bound;
-  const bool negative = (ray.octant >> ray.kz & 1) != 0;
-  const Float8 first = min_keep(min_keep(az, bz), cz), last = max_keep(max_keep(az, bz), cz);
+  const std::array<Float8, 2> ends{min_keep(min_keep(az, bz), cz), max_keep(max_keep(az, bz), cz)};
   const Float8 rdir = Float8::broadcast(ray.rdir[ray.kz]);
-  const Float8 entry = (negative ? last : first) * rdir;
-  Float8 exit = (negative ? first : last) * rdir;
+  const unsigned negative = ray.octant >> ray.kz & 1;
+  const Float8 entry = ends[negative] * rdir;
+  Float8 exit = ends[negative ^ 1] * rdir;
   exit = exit + abs(exit) * Float8::broadcast(kExitPad);
   const unsigned rejected = (less(low, minus_bound) & less(bound, high)) | less(Float8::broadcast(tfar), entry) |
                             less(exit, Float8::broadcast(tnear));
@@ -145,12 +145,12 @@ inline bool woop_decide(const RayFrame& ray, const Corners& corners, Candidate& 
   return true;
 }
 
-struct MoellerTrumbore {
+struct Quotients {
   std::array<float, 8> t, u, v;
-  unsigned hits;
 };
 
-inline MoellerTrumbore moeller_trumbore(const RayFrame& ray, const LeafBlock& leaf) {
+/// The triangles whose barycentrics are inside, and the quotients of all.
+inline unsigned moeller_trumbore(const RayFrame& ray, const LeafBlock& leaf, Quotients& out) {
   std::array<Float8, 3> v0, e1, e2, dir, s, p, q;
   v0 = Float8::points(leaf.vertices, leaf.index[0]);
   e1 = Float8::points(leaf.vertices, leaf.index[1]);
@@ -174,13 +174,11 @@ inline MoellerTrumbore moeller_trumbore(const RayFrame& ray, const LeafBlock& le
   const Float8 v = dot(dir, q) * inverse;
   const Float8 t = dot(e2, q) * inverse;
   const Float8 zero = Float8::broadcast(0.0F);
-  MoellerTrumbore result;
+  t.store(out.t.data());
+  u.store(out.u.data());
+  v.store(out.v.data());
   // A zero determinant gives NaN or infinity, which no comparison lets through.
-  result.hits = less_equal(zero, u) & less_equal(zero, v) & less_equal(u + v, Float8::broadcast(1.0F));
-  t.store(result.t.data());
-  u.store(result.u.data());
-  v.store(result.v.data());
-  return result;
+  return less_equal(zero, u) & less_equal(zero, v) & less_equal(u + v, Float8::broadcast(1.0F));
 }
 
 // Inside by the signs; the quotients may stick out by a rounding.
@@ -211,16 +209,16 @@ struct Interval {
   float entry, exit;
 };
 
-// The triangle's own box by the formula of the nodes (slab.h); min_keep and max_keep spelled out for one lane.
+// The triangle's own box by the formula of the nodes (slab.h); min_keep and max_keep for one lane, without a branch.
 inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
   Interval interval{-INFINITY, INFINITY};
   for (int axis = 0; axis < 3; ++axis) {
     const float a = corners[0][axis], b = corners[1][axis], c = corners[2][axis];
-    const float low = a < b ? (a < c ? a : c) : (b < c ? b : c);
-    const float high = a > b ? (a > c ? a : c) : (b > c ? b : c);
-    const bool negative = (ray.octant >> axis & 1) != 0;
-    const float near = ((negative ? high : low) - ray.org[axis]) * ray.rdir[axis];
-    const float far = ((negative ? low : high) - ray.org[axis]) * ray.rdir[axis];
+    const float low_ab = a < b ? a : b, high_ab = a > b ? a : b;
+    const std::array<float, 2> ends{low_ab < c ? low_ab : c, high_ab > c ? high_ab : c};
+    const unsigned negative = ray.octant >> axis & 1;
+    const float near = (ends[negative] - ray.org[axis]) * ray.rdir[axis];
+    const float far = (ends[negative ^ 1] - ray.org[axis]) * ray.rdir[axis];
     interval.entry = near > interval.entry ? near : interval.entry;
     interval.exit = far < interval.exit ? far : interval.exit;
   }
