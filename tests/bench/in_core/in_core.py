@@ -3,8 +3,10 @@
     in_core.py --raymill RAYMILL --bench BENCH --work DIR [--scenes house.glb,terrain:2M,city:10M] [--rays 500k]
 
 A scene is a file, or KIND:TRIANGLES as `raymill generate` makes it. Primary and bounce rays, the latter in order and
-shuffled, ask for the closest hit, shadow and ao rays for any. Files in --work are named by what they hold and used
-again. Prints one line of JSON for each kind (see main.cc), then the geometric mean of the kernels' ratios.
+shuffled, ask for the closest hit; shadow and ambient occlusion rays, the latter in order and shuffled, for any. Primary
+and shadow rays are called coherent, and Embree's packets and streams are told so. Files in --work are named by what
+they hold and used again. Prints a table of million rays a second (raymill-in-core, main.cc), then geometric means of
+ratios: how often our best is the peer's rate. With --single only Embree's single rays stand beside ours.
 """
 
 import argparse
@@ -13,80 +15,113 @@ import math
 import pathlib
 import subprocess
 import sys
-import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "trial"))
 
 import support  # noqa: E402
 
-KINDS = {"closest": ["primary", "bounce", "bounce-shuffled"], "any": ["shadow", "ao"]}
+COHERENT = ["primary", "shadow"]
+KINDS = {"closest": ["primary", "bounce", "bounce-shuffled"], "any": ["shadow", "ao", "ao-shuffled"]}
+TRACERS = ["kernel", "sort+kernel", "engine", "embree1", "sort+embree1", "embree8", "embree16", "sort+embree16",
+           "embree-stream"]
+OURS = ["kernel", "sort+kernel"]
+SINGLE, SORTED, PACKETS = ["embree1"], ["sort+embree1"], ["embree16", "embree-stream"]
+# What is set beside our best: name, whose kinds, which peers.
+MEANS = [("incoherent closest / embree1", ["bounce-shuffled"], SINGLE),
+         ("incoherent closest / sort+embree1", ["bounce-shuffled"], SORTED),
+         ("closest in order / embree1", ["bounce"], SINGLE),
+         ("coherent closest / best of packets and streams", ["primary"], PACKETS),
+         ("any shuffled / embree1", ["ao-shuffled"], SINGLE),
+         ("any coherent / best of packets and streams", ["shadow"], PACKETS)]
 
 
-def make_scene(options, folder, name):
-    if ":" not in name:
-        return pathlib.Path(name)
-    kind, triangles = name.split(":")
-    scene = folder / f"{kind}-{triangles}.gltf"
-    if not scene.exists():
-        support.run(options.raymill, "generate", kind, "--triangles", triangles, "-o", scene)
-    return scene
+class InCore:
+    def __init__(self, options, folder):
+        self.options, self.folder = options, folder
+        self.lines, self.problems = [], []
 
+    def scene(self, name):
+        if ":" not in name:
+            return pathlib.Path(name)
+        kind, triangles = name.split(":")
+        path = self.folder / f"{kind}-{triangles}.gltf"
+        if not path.exists():
+            support.run(self.options.raymill, "generate", kind, "--triangles", triangles, "-o", path)
+        return path
 
-def make_rays(options, folder, store, kind):
-    rays = folder / f"{store.stem}-{kind}-{options.rays}.npy"
-    if not rays.exists():
-        shuffle = ["--shuffle"] if kind.endswith("-shuffled") else []
-        support.run(options.raymill, "rays", store, "--kind", kind.split("-")[0], "--count", options.rays, *shuffle,
-                    "-o", rays)
-    return rays
+    def rays(self, store, kind):
+        path = self.folder / f"{store.stem}-{kind}-{self.options.rays}.npy"
+        if not path.exists():
+            shuffle = ["--shuffle"] if kind.endswith("-shuffled") else []
+            support.run(self.options.raymill, "rays", store, "--kind", kind.split("-")[0], "--count", self.options.rays,
+                        *shuffle, "-o", path)
+        return path
 
-
-def measure(options, folder, name):
-    """The lines of one scene, and whether its hits are Embree's."""
-    scene = make_scene(options, folder, name)
-    store = folder / f"{scene.stem}.mill"
-    if not store.exists():
-        support.run(options.raymill, "build", scene, "-o", store)
-    lines, alike = [], True
-    for query, kinds in KINDS.items():
-        rays = [make_rays(options, folder, store, kind) for kind in kinds]
-        done = subprocess.run([options.bench, scene, store, *rays, "--query", query, "--mode", options.mode, "--repeat",
-                               str(options.repeat), "--engine"], capture_output=True, text=True, check=False)
+    def measure(self, scene, store, query, kind):
+        """The line of one file of rays."""
+        options = self.options
+        words = [options.bench, scene, store, self.rays(store, kind), "--query", query, "--mode", options.mode,
+                 "--repeat", str(options.repeat), "--engine", "--sort"]
+        words += ["--all-calls"] if not options.single else []
+        words += ["--coherent"] if kind in COHERENT else []
+        done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False)
         if done.returncode not in (0, 1):
-            sys.exit(f"{options.bench.name}: {done.stderr}")
-        alike = alike and done.returncode == 0
-        lines += [json.loads(line) for line in done.stdout.splitlines()]
-    return lines, alike
+            raise support.Failure(f"{options.bench.name}: {done.stderr}")
+        line = json.loads(done.stdout)
+        line["kind"] = kind
+        if done.returncode == 1:
+            different = {name: its["different"] for name, its in line["tracers"].items() if its["different"]}
+            self.problems.append(f"{line['name']}: hits differ from the kernels': {different}")
+        return line
+
+    def run(self):
+        table = support.Table(scene=14, rays=16, **{name: max(6, len(name)) for name in TRACERS})
+        for name in self.options.scenes.split(","):
+            scene = self.scene(name)
+            store = self.folder / f"{scene.stem}.mill"
+            if not store.exists():
+                support.run(self.options.raymill, "build", scene, "-o", store)
+            for query, kinds in KINDS.items():
+                for kind in kinds:
+                    line = self.measure(scene, store, query, kind)
+                    self.lines.append(line)
+                    table.row(scene.stem[:14], kind, *(self.rate(line, tracer) for tracer in TRACERS))
+        for name, kinds, peers in MEANS:
+            ratios = [self.best(line, OURS) / self.best(line, peers) for line in self.lines
+                      if line["kind"] in kinds and any(peer in line["tracers"] for peer in peers)]
+            if ratios:
+                mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+                print(f"{name}: {mean:.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
+
+    @staticmethod
+    def rate(line, tracer):
+        its = line["tracers"].get(tracer)
+        return f"{its['mrays_per_second']['median']:.2f}" if its else "-"
+
+    @staticmethod
+    def best(line, tracers):
+        return max(line["tracers"][name]["mrays_per_second"]["median"] for name in tracers if name in line["tracers"])
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--raymill", required=True, type=support.program)
-    parser.add_argument("--bench", required=True, type=support.program, help="raymill-in-core")
-    parser.add_argument("--work", type=pathlib.Path, help="folder for scenes, stores and rays; left out: a temporary one")
-    parser.add_argument("--scenes", default="terrain:2M,city:10M", help="separated by commas")
-    parser.add_argument("--rays", default="500k", help="of each kind")
-    parser.add_argument("--mode", default="watertight")
-    parser.add_argument("--repeat", default=7, type=int)
-    parser.add_argument("--short", action="store_true", help="small scenes and few rays: does it run, are the hits alike")
-    options = parser.parse_args()
+def parse():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--raymill", required=True, type=support.program)
+    options.add_argument("--bench", required=True, type=support.program, help="raymill-in-core")
+    options.add_argument("--work", type=pathlib.Path, help="folder for scenes, stores and rays; default: one that is removed")
+    options.add_argument("--scenes", default="terrain:2M,city:10M,forest:10M", help="separated by commas (%(default)s)")
+    options.add_argument("--rays", default="500k", help="of each kind (%(default)s)")
+    options.add_argument("--mode", default="watertight", help="watertight or fast (%(default)s)")
+    options.add_argument("--repeat", default=5, type=int, help="(%(default)s)")
+    options.add_argument("--single", action="store_true", help="leave out Embree's packets and streams")
+    options.add_argument("--short", action="store_true", help="the form that ctest runs")
+    options = options.parse_args()
     if options.short:
         options.scenes, options.rays, options.repeat = "terrain:20k,city:20k", "20k", 1
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = options.work or pathlib.Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        ratios, all_alike = [], True
-        for name in options.scenes.split(","):
-            lines, alike = measure(options, folder, name)
-            all_alike = all_alike and alike
-            for line in lines:
-                print(json.dumps(line), flush=True)
-                ratios.append(line["kernel_ratio"]["median"])
-    print(f"kernels against Embree, geometric mean: {math.exp(sum(map(math.log, ratios)) / len(ratios)):.2f}")
-    if not all_alike:
-        sys.exit("hits differ from Embree's or the engine's from the kernels'")
+    if options.work:
+        options.work.mkdir(parents=True, exist_ok=True)
+    return options
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(support.run_bench(InCore, parse(), "in core"))

@@ -1,26 +1,31 @@
-// raymill-in-core: rays per second with every page in memory, beside Embree's single-ray calls on the same rays.
+// raymill-in-core: rays per second with every page in memory, beside Embree on the same rays.
 //
-//   raymill-in-core SCENE STORE RAYS.npy... [--query any] [--mode fast] [--isa avx2] [--repeat 7] [--engine]
+//   raymill-in-core SCENE STORE RAYS.npy... [--query any] [--mode fast] [--all-calls] [--sort] [--engine]
 //
-// One thread each. A repetition runs the kernels, Embree and, with --engine, a job of the engine one after the other.
-// Kernels and Embree are measured by their thread's CPU time, the engine, whose worker runs beside the caller who
-// pushes and fetches, by the clock on the wall. Rays are read and hits are written by all. A ratio is taken within a
-// repetition; its median, least and most are printed, one line of JSON for each file. Exit codes: 0; 1 hits differ from
-// Embree's by more than --most-different; 2 it could not be run.
+// One thread each. A repetition runs the kernels, Embree's single rays and what else the options name, one after the
+// other. The engine, whose worker runs beside the caller who pushes and fetches, is measured by the clock on the wall,
+// all others by their thread's CPU time; where rays are sorted, that is part of the time. Rays are read and hits are
+// written by all. A ratio, of the kernels' rate to another's, is taken within a repetition; its median, least and most
+// are printed, one line of JSON for each file. Exit codes: 0; 1 hits of ours differ, or Embree's in more of the rays
+// than --most-different; 2 it could not be run.
 #include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/ray_file.h"
+#include "tests/bench/in_core/embree_calls.h"
+#include "tests/bench/in_core/ray_order.h"
 #include "tests/bench/in_core/resident_store.h"
-#include "tests/support/embree_scene.h"
+#include "tests/support/embree_files.h"
 #include "traversal/engine.h"
 #include "traversal/simd/float_mode.h"
 
@@ -47,16 +52,17 @@ struct Options {
   std::string query = "closest", mode = "watertight", isa;
   unsigned repeat = 7;
   std::size_t batch_rays = 512;
-  bool engine = false, no_embree = false;
+  bool engine = false, no_embree = false, all_calls = false, coherent = false, sort = false;
   double most_different = 1e-3;
   std::size_t most_rays = std::numeric_limits<std::size_t>::max();
 };
 
-struct Subject {
-  const ResidentStore& store;
-  ResidentStore::Run run;
-  const EmbreeScene* embree;
-  Store* engine;  // null: left out
+/// One way to trace rays.
+struct Tracer {
+  std::string name;
+  bool is_ours = false;
+  bool by_wall_clock = false;
+  std::function<Status(std::span<const Ray>, std::span<Hit>)> trace;
 };
 
 template <typename Clock, typename Work>
@@ -64,16 +70,6 @@ double seconds_of(Work&& work) {
   const double begin = Clock::now();
   work();
   return Clock::now() - begin;
-}
-
-void trace_by_embree(const EmbreeScene& scene, Query query, std::span<const Ray> rays, std::span<Hit> hits) {
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (query == Query::closest) {
-      hits[i] = scene.closest_hit(rays[i]);
-    } else {
-      hits[i].t = scene.any_hit(rays[i]) ? 0 : std::numeric_limits<float>::infinity();
-    }
-  }
 }
 
 Status trace_by_engine(Store& store, const ResidentStore::Run& run, std::span<const Ray> rays, std::span<Hit> hits) {
@@ -88,15 +84,17 @@ Status trace_by_engine(Store& store, const ResidentStore::Run& run, std::span<co
   return job->status();
 }
 
-// Hit or miss differs, or t by more than rounding explains.
-std::size_t count_different(std::span<const Hit> a, std::span<const Hit> b) {
-  std::size_t different = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const bool same = std::isinf(a[i].t) == std::isinf(b[i].t) &&
-                      (std::isinf(a[i].t) || std::fabs(a[i].t - b[i].t) <= 1e-4F * std::fabs(b[i].t) + 1e-6F);
-    different += same ? 0 : 1;
-  }
-  return different;
+bool same_bits(const Hit& a, const Hit& b) {
+  return std::bit_cast<std::uint32_t>(a.t) == std::bit_cast<std::uint32_t>(b.t) &&
+         std::bit_cast<std::uint32_t>(a.u) == std::bit_cast<std::uint32_t>(b.u) &&
+         std::bit_cast<std::uint32_t>(a.v) == std::bit_cast<std::uint32_t>(b.v) && a.primitive_id == b.primitive_id &&
+         a.geometry_id == b.geometry_id;
+}
+
+// Hit or miss is the same, and t but for what rounding explains.
+bool alike(const Hit& a, const Hit& b) {
+  return std::isinf(a.t) == std::isinf(b.t) &&
+         (std::isinf(a.t) || std::fabs(a.t - b.t) <= 1e-4F * std::fabs(b.t) + 1e-6F);
 }
 
 nlohmann::json spread(std::vector<double> values) {
@@ -112,49 +110,45 @@ Result<std::vector<Ray>> read_rays(const std::string& path, std::size_t most) {
   return rays;
 }
 
-Result<nlohmann::json> measure(const Subject& subject, const std::vector<Ray>& rays, unsigned repeat) {
-  std::vector<Hit> ours(rays.size()), theirs(rays.size()), job(rays.size());
-  std::vector<double> kernel_rates, embree_rates, engine_rates, kernel_ratios, engine_ratios;
-  const auto million = static_cast<double>(rays.size()) / 1e6;
-  Result<traversal::KernelCounters> counters = traversal::KernelCounters{};
-  Status status;
-  for (unsigned i = 0; i < repeat && counters.ok() && status.ok(); ++i) {
-    const double kernel = seconds_of<ThreadClock>([&] { counters = subject.store.trace(subject.run, rays, ours); });
-    kernel_rates.push_back(million / kernel);
-    if (subject.embree != nullptr) {
-      const double embree =
-          seconds_of<ThreadClock>([&] { trace_by_embree(*subject.embree, subject.run.query, rays, theirs); });
-      embree_rates.push_back(million / embree);
-      kernel_ratios.push_back(embree / kernel);
-    }
-    if (subject.engine != nullptr) {
-      const double engine =
-          seconds_of<WallClock>([&] { status = trace_by_engine(*subject.engine, subject.run, rays, job); });
-      engine_rates.push_back(million / engine);
-      if (subject.embree != nullptr) {
-        engine_ratios.push_back(million / embree_rates.back() / engine);
-      }
+struct Measured {
+  std::vector<Hit> hits;
+  std::vector<double> rates;   // million rays a second
+  std::vector<double> ratios;  // of the first tracer's rate to this one's
+};
+
+// Every tracer once, one after the other; that as often as `repeat`.
+Result<std::vector<Measured>> measure(const std::vector<Tracer>& tracers, const std::vector<Ray>& rays,
+                                      unsigned repeat) {
+  std::vector<Measured> measured(tracers.size());
+  for (unsigned repetition = 0; repetition < repeat; ++repetition) {
+    for (std::size_t i = 0; i < tracers.size(); ++i) {
+      Measured& its = measured[i];
+      its.hits.resize(rays.size());
+      Status status;
+      const auto work = [&] { status = tracers[i].trace(rays, its.hits); };
+      const double seconds = tracers[i].by_wall_clock ? seconds_of<WallClock>(work) : seconds_of<ThreadClock>(work);
+      RAYMILL_RETURN_IF_ERROR(status);
+      its.rates.push_back(static_cast<double>(rays.size()) / 1e6 / seconds);
+      its.ratios.push_back(measured[0].rates.back() / its.rates.back());
     }
   }
-  RAYMILL_RETURN_IF_ERROR(counters.ok() ? status : counters.status());
-  const auto count = static_cast<double>(rays.size());
-  nlohmann::json line{{"rays", rays.size()},
-                      {"kernel_mrays_per_second", spread(kernel_rates)},
-                      {"nodes_per_ray", static_cast<double>(counters->nodes_visited) / count},
-                      {"triangles_per_ray", static_cast<double>(counters->triangles_tested) / count}};
-  if (subject.embree != nullptr) {
-    line["embree_mrays_per_second"] = spread(embree_rates);
-    line["kernel_ratio"] = spread(kernel_ratios);
-    line["different"] = count_different(ours, theirs);
-  }
-  if (subject.engine != nullptr) {
-    line["engine_mrays_per_second"] = spread(engine_rates);
-    line["engine_different"] = count_different(job, ours);
-    if (subject.embree != nullptr) {
-      line["engine_ratio"] = spread(engine_ratios);
+  return measured;
+}
+
+// Hits of all that are ours are to be the same bits; Embree's may differ at edges.
+nlohmann::json told(const std::vector<Tracer>& tracers, const std::vector<Measured>& measured) {
+  nlohmann::json lines = nlohmann::json::object();
+  for (std::size_t i = 0; i < tracers.size(); ++i) {
+    std::size_t different = 0;
+    for (std::size_t ray = 0; ray < measured[i].hits.size(); ++ray) {
+      const Hit &first = measured[0].hits[ray], &its = measured[i].hits[ray];
+      different += (tracers[i].is_ours ? same_bits(first, its) : alike(first, its)) ? 0 : 1;
     }
+    lines[tracers[i].name] = {{"mrays_per_second", spread(measured[i].rates)},
+                              {"kernel_ratio", spread(measured[i].ratios)},
+                              {"different", different}};
   }
-  return line;
+  return lines;
 }
 
 Result<ResidentStore::Run> choose_run(const Options& options) {
@@ -172,35 +166,99 @@ Result<ResidentStore::Run> choose_run(const Options& options) {
   return run;
 }
 
-// Embree is robust where we are watertight.
-Status run(const Options& options, bool& all_alike) {
-  RAYMILL_ASSIGN_OR_RETURN(const auto store, ResidentStore::load(options.store));
-  RAYMILL_ASSIGN_OR_RETURN(const auto run, choose_run(options));
+struct Scene {
+  ResidentStore store;
+  ResidentStore::Run run;
   std::optional<EmbreeScene> embree;
-  if (!options.no_embree) {
-    RAYMILL_ASSIGN_OR_RETURN(auto scene,
-                             EmbreeScene::create({.scenes = {options.scene}, .robust = run.mode == Mode::watertight}));
-    embree.emplace(std::move(scene));
-  }
-  std::shared_ptr<Store> opened;
   std::unique_ptr<Engine> engine;
+  std::shared_ptr<Store> opened;
+};
+
+// Embree is robust where we are watertight.
+Result<Scene> load(const Options& options) {
+  RAYMILL_ASSIGN_OR_RETURN(auto store, ResidentStore::load(options.store));
+  RAYMILL_ASSIGN_OR_RETURN(const auto run, choose_run(options));
+  Scene scene{.store = std::move(store), .run = run, .embree = {}, .engine = {}, .opened = {}};
+  if (!options.no_embree) {
+    RAYMILL_ASSIGN_OR_RETURN(auto embree, embree_of_files({options.scene}, {.robust = run.mode == Mode::watertight}));
+    scene.embree.emplace(std::move(embree));
+  }
   if (options.engine) {
     EngineConfig config{.memory = gibibytes(64), .threads = 1, .isa = std::string(to_string(run.isa))};
-    RAYMILL_ASSIGN_OR_RETURN(engine, Engine::create(config));
-    RAYMILL_ASSIGN_OR_RETURN(opened, engine->open(options.store));
+    RAYMILL_ASSIGN_OR_RETURN(scene.engine, Engine::create(config));
+    RAYMILL_ASSIGN_OR_RETURN(scene.opened, scene.engine->open(options.store));
   }
+  return scene;
+}
+
+// The kernels come first: the others' ratios are to them.
+std::vector<Tracer> tracers_of(const Scene& scene, const Options& options, traversal::KernelCounters& counters) {
+  std::vector<Tracer> tracers;
+  const auto add = [&](const std::string& name, bool is_ours, bool is_sorted_too, auto trace) {
+    tracers.push_back({.name = name, .is_ours = is_ours, .trace = trace});
+    if (is_sorted_too && options.sort) {
+      tracers.push_back({.name = "sort+" + name,
+                         .is_ours = is_ours,
+                         .trace = [trace](std::span<const Ray> rays, std::span<Hit> hits) {
+                           return trace_sorted(rays, hits, trace);
+                         }});
+    }
+  };
+  add("kernel", true, true, [&](std::span<const Ray> rays, std::span<Hit> hits) -> Status {
+    RAYMILL_ASSIGN_OR_RETURN(counters, scene.store.trace(scene.run, rays, hits));
+    return {};
+  });
+  if (scene.embree) {
+    constexpr std::pair<const char*, EmbreeCall> kCalls[] = {{"embree1", EmbreeCall::single},
+                                                             {"embree8", EmbreeCall::packet8},
+                                                             {"embree16", EmbreeCall::packet16},
+                                                             {"embree-stream", EmbreeCall::stream}};
+    for (const auto& [name, call] : kCalls) {
+      if (call != EmbreeCall::single && !options.all_calls) {
+        continue;
+      }
+      const EmbreeBatch batch{.call = call, .query = scene.run.query, .coherent = options.coherent};
+      add(name, false, call == EmbreeCall::single || call == EmbreeCall::packet16,
+          [&scene, batch](std::span<const Ray> rays, std::span<Hit> hits) {
+            trace_by_embree(*scene.embree, batch, rays, hits);
+            return Status();
+          });
+    }
+  }
+  if (scene.opened) {
+    tracers.push_back({.name = "engine",
+                       .is_ours = true,
+                       .by_wall_clock = true,
+                       .trace = [&scene](std::span<const Ray> rays, std::span<Hit> hits) {
+                         return trace_by_engine(*scene.opened, scene.run, rays, hits);
+                       }});
+  }
+  return tracers;
+}
+
+Status run(const Options& options, bool& all_alike) {
+  RAYMILL_ASSIGN_OR_RETURN(const Scene scene, load(options));
+  traversal::KernelCounters counters;
+  const std::vector<Tracer> tracers = tracers_of(scene, options, counters);
   for (const std::string& file : options.rays) {
     RAYMILL_ASSIGN_OR_RETURN(const auto rays, read_rays(file, options.most_rays));
-    RAYMILL_ASSIGN_OR_RETURN(auto line,
-                             measure({store, run, embree ? &*embree : nullptr, opened.get()}, rays, options.repeat));
-    line["name"] = std::string(to_string(run.query)) + "_hit/mbvh" + std::to_string(store.width()) + "/" +
-                   std::string(to_string(run.isa)) + "/" + std::filesystem::path(options.store).stem().string() + "/" +
-                   std::filesystem::path(file).stem().string();
-    line["mode"] = to_string(run.mode);
-    line["repetitions"] = options.repeat;
+    RAYMILL_ASSIGN_OR_RETURN(const auto measured, measure(tracers, rays, options.repeat));
+    const auto count = static_cast<double>(rays.size());
+    nlohmann::json line{{"name", std::string(to_string(scene.run.query)) + "_hit/mbvh" +
+                                     std::to_string(scene.store.width()) + "/" + std::string(to_string(scene.run.isa)) +
+                                     "/" + std::filesystem::path(options.store).stem().string() + "/" +
+                                     std::filesystem::path(file).stem().string()},
+                        {"mode", to_string(scene.run.mode)},
+                        {"rays", rays.size()},
+                        {"repetitions", options.repeat},
+                        {"nodes_per_ray", static_cast<double>(counters.nodes_visited) / count},
+                        {"triangles_per_ray", static_cast<double>(counters.triangles_tested) / count},
+                        {"tracers", told(tracers, measured)}};
     std::cout << line.dump() << std::endl;
-    const auto most = options.most_different * static_cast<double>(rays.size());
-    all_alike = all_alike && line.value("different", 0.0) <= most && line.value("engine_different", 0) == 0;
+    for (const Tracer& tracer : tracers) {
+      const auto different = line["tracers"][tracer.name]["different"].get<double>();
+      all_alike = all_alike && different <= (tracer.is_ours ? 0 : options.most_different * count);
+    }
   }
   return {};
 }
@@ -220,6 +278,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
   app.add_flag("--engine", options.engine, "Trace by the engine too");
+  app.add_flag("--all-calls", options.all_calls, "Embree's packets of 8 and 16 and its streams too");
+  app.add_flag("--coherent", options.coherent, "Tell Embree's packets and streams that the rays are coherent");
+  app.add_flag("--sort", options.sort, "The kernels, single rays and packets of 16 after sorting the file's rays too");
   app.add_flag("--no-embree", options.no_embree, "Leave Embree out, for a profile");
   app.add_option("--most-different", options.most_different, "Part of the rays whose hits may differ")
       ->capture_default_str();

@@ -16,7 +16,7 @@
 
 #include "client/cli/ray_file.h"
 #include "storage/base/ledger.h"
-#include "tests/support/embree_scene.h"
+#include "tests/support/embree_files.h"
 
 namespace raymill::bench {
 namespace {
@@ -28,7 +28,8 @@ constexpr std::size_t kChunkRays = 1024;
 constexpr std::size_t kClockRays = 16;
 
 struct Options {
-  EmbreeScene::Config scene;
+  std::vector<std::string> scenes;
+  EmbreeScene::Config embree;
   std::string rays;
   unsigned threads = 1;
   double seconds = 60;
@@ -109,7 +110,7 @@ Result<nlohmann::json> trace(const EmbreeScene& scene, const RunRequest& request
 }
 
 Status run(const Options& options) {
-  RAYMILL_ASSIGN_OR_RETURN(const EmbreeScene scene, EmbreeScene::create(options.scene));
+  RAYMILL_ASSIGN_OR_RETURN(const EmbreeScene scene, embree_of_files(options.scenes, options.embree));
   const auto print = [](const nlohmann::json& line) { std::cout << line.dump() << std::endl; };
   print({{"event", "built"},
          {"triangles", scene.triangles()},
@@ -136,14 +137,14 @@ Status run(const Options& options) {
 int main(int argc, char** argv) {
   Options options;
   CLI::App app("Traces rays with Embree (rtcIntersect1), for a comparison with raymill trace.", "raymill-peer");
-  app.add_option("SCENE", options.scene.scenes, "The scene files that the store was built from")->required();
+  app.add_option("SCENE", options.scenes, "The scene files that the store was built from")->required();
   auto* rays = app.add_option("--rays", options.rays, "RAYS.npy");
   app.add_option("--threads", options.threads, "Threads that trace")->check(CLI::Range(1, 1024))->capture_default_str();
   app.add_option("--seconds", options.seconds, "Stops after so long; the rays that were not reached are left out")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app.add_option("--device", options.scene.device, "As rtcNewDevice takes it, e.g. isa=avx2");
-  app.add_flag("--keep-arrays", options.scene.keep_arrays, "Keep vertices and indices in memory after the build");
+  app.add_option("--device", options.embree.device, "As rtcNewDevice takes it, e.g. isa=avx2");
+  app.add_flag("--keep-arrays", options.embree.keep_arrays, "Keep vertices and indices in memory after the build");
   auto* commands =
       app.add_flag("--commands", options.commands, "Runs are lines of stdin, THREADS SECONDS RAYS.npy, until it ends");
   rays->excludes(commands);

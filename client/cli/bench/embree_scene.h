@@ -1,4 +1,4 @@
-// EmbreeScene: a scene file in Embree as its users have it: default build, one geometry.
+// EmbreeScene: triangles in Embree as its users have them: default build, one geometry.
 //
 // The arrays that it was built from are dropped: leaves hold copies of the corners,
 // so that a ray reads the tree alone.
@@ -8,34 +8,40 @@
 #include <embree3/rtcore.h>
 
 #include <cstdint>
+#include <functional>
 #include <string>
-#include <vector>
 
 #include "storage/base/mapped_memory.h"
 #include "storage/base/status.h"
+#include "storage/import/scene_import.h"
 #include "traversal/query.h"
 
-namespace raymill::bench {
+namespace raymill::client {
 
 class EmbreeScene {
  public:
   struct Config {
-    std::vector<std::string> scenes;
     std::string device = {};   ///< as rtcNewDevice() takes it, e.g. "isa=avx2"
     bool keep_arrays = false;  ///< vertices and indices stay in memory after the build
     bool robust = false;       ///< RTC_SCENE_FLAG_ROBUST
   };
-  static Result<EmbreeScene> create(const Config& config);
+  /// Of the triangles that `fill` hands to the sink; they are numbered in that order.
+  static Result<EmbreeScene> create(const Config& config, const std::function<Status(storage::TriangleSink&)>& fill);
   EmbreeScene(EmbreeScene&& other) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) = delete;
   ~EmbreeScene();
 
   /// Whether the ray hits anything, by rtcIntersect1.
   [[nodiscard]] bool closest(const Ray& ray) const { return closest_hit(ray).primitive_id != kNoId; }
-  /// t, u, v and the number of the triangle in the scenes' order, by rtcIntersect1.
+  /// t, u, v and the number of the triangle, by rtcIntersect1.
   [[nodiscard]] Hit closest_hit(const Ray& ray) const;
   /// Whether the ray hits anything, by rtcOccluded1.
   [[nodiscard]] bool any_hit(const Ray& ray) const;
+  /// What Embree's own calls take and give.
+  [[nodiscard]] RTCScene handle() const { return scene_; }
+  static RTCRay embree_ray(const Ray& ray);
+  static RTCRayHit embree_query(const Ray& ray);
+  static Hit hit_of(const RTCRayHit& query);
   [[nodiscard]] std::uint64_t triangles() const { return triangles_; }
   [[nodiscard]] double build_seconds() const { return build_seconds_; }
 
@@ -50,4 +56,4 @@ class EmbreeScene {
   double build_seconds_ = 0;
 };
 
-}  // namespace raymill::bench
+}  // namespace raymill::client

@@ -1,4 +1,4 @@
-#include "tests/support/embree_scene.h"
+#include "client/cli/bench/embree_scene.h"
 
 #include <sys/mman.h>
 
@@ -8,9 +8,7 @@
 #include <span>
 #include <utility>
 
-#include "storage/import/scene_import.h"
-
-namespace raymill::bench {
+namespace raymill::client {
 namespace {
 
 constexpr std::uint64_t kCornerBytes = 3 * sizeof(float);
@@ -37,23 +35,10 @@ class Corners final : public storage::TriangleSink {
   std::uint64_t count_ = 0;
 };
 
-RTCRay embree_ray(const Ray& ray) {
-  RTCRay out{};
-  out.org_x = ray.org[0];
-  out.org_y = ray.org[1];
-  out.org_z = ray.org[2];
-  out.tnear = ray.tnear;
-  out.dir_x = ray.dir[0];
-  out.dir_y = ray.dir[1];
-  out.dir_z = ray.dir[2];
-  out.tfar = ray.tfar;
-  out.mask = ~0U;
-  return out;
-}
-
 }  // namespace
 
-Result<EmbreeScene> EmbreeScene::create(const Config& config) {
+Result<EmbreeScene> EmbreeScene::create(const Config& config,
+                                        const std::function<Status(storage::TriangleSink&)>& fill) {
   EmbreeScene made;
   // Embree reads 16 bytes at a corner.
   made.vertices_ = storage::MappedMemory(3 * kCornerBytes * kMostTriangles + 16);
@@ -61,11 +46,7 @@ Result<EmbreeScene> EmbreeScene::create(const Config& config) {
     return {ErrorCode::budget_exceeded, "the system gives no room for the vertices"};
   }
   Corners corners(made.vertices_.data());
-  storage::Ledger ledger(std::numeric_limits<std::uint64_t>::max());
-  storage::ImportReport report;
-  for (const std::string& scene : config.scenes) {
-    RAYMILL_RETURN_IF_ERROR(storage::import_gltf(scene, {}, ledger, corners, report));
-  }
+  RAYMILL_RETURN_IF_ERROR(fill(corners));
   made.triangles_ = corners.count();
   made.indices_ = storage::MappedMemory(3 * sizeof(std::uint32_t) * made.triangles_ + 16);
   if (made.indices_.data() == nullptr) {
@@ -121,18 +102,40 @@ EmbreeScene::~EmbreeScene() {
   }
 }
 
-Hit EmbreeScene::closest_hit(const Ray& ray) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
+RTCRay EmbreeScene::embree_ray(const Ray& ray) {
+  RTCRay out{};
+  out.org_x = ray.org[0];
+  out.org_y = ray.org[1];
+  out.org_z = ray.org[2];
+  out.tnear = ray.tnear;
+  out.dir_x = ray.dir[0];
+  out.dir_y = ray.dir[1];
+  out.dir_z = ray.dir[2];
+  out.tfar = ray.tfar;
+  out.mask = ~0U;
+  return out;
+}
+
+RTCRayHit EmbreeScene::embree_query(const Ray& ray) {
   RTCRayHit query{};
   query.ray = embree_ray(ray);
   query.hit.geomID = query.hit.primID = query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(scene_, &context, &query);
-  Hit hit;
-  if (query.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
-    hit = {query.ray.tfar, query.hit.u, query.hit.v, query.hit.primID};
+  return query;
+}
+
+Hit EmbreeScene::hit_of(const RTCRayHit& query) {
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
+    return {};
   }
-  return hit;
+  return {query.ray.tfar, query.hit.u, query.hit.v, query.hit.primID};
+}
+
+Hit EmbreeScene::closest_hit(const Ray& ray) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRayHit query = embree_query(ray);
+  rtcIntersect1(scene_, &context, &query);
+  return hit_of(query);
 }
 
 bool EmbreeScene::any_hit(const Ray& ray) const {
@@ -143,4 +146,4 @@ bool EmbreeScene::any_hit(const Ray& ray) const {
   return query.tfar < 0;
 }
 
-}  // namespace raymill::bench
+}  // namespace raymill::client
