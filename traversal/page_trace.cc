@@ -1,5 +1,6 @@
 #include "traversal/page_trace.h"
 
+#include <cstring>
 #include <mutex>
 #include <span>
 #include <utility>
@@ -88,15 +89,24 @@ void PageTrace::add(Event event, std::uint32_t page) {
 }
 
 void PageTrace::Lane::end_batch(std::uint32_t page, std::atomic<std::uint8_t>* touched) {
+  // Most marks are zero, and a batch is short: eight at a time. Nobody else writes them.
+  entered_.clear();
+  for (std::uint32_t first = 0; first < page_count_; first += 8) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, static_cast<const void*>(marks_.get() + first), sizeof eight);
+    for (std::uint32_t other = first; eight != 0 && other < first + 8; ++other) {
+      if (marks_[other].load(std::memory_order_relaxed) != 0) {
+        marks_[other].store(0, std::memory_order_relaxed);
+        touched[other].store(1, std::memory_order_relaxed);
+        entered_.push_back(other);
+      }
+    }
+  }
   const std::lock_guard lock(trace_->impl_->mutex_);
   trace_->impl_->put(Event::batch, page);
-  for (std::uint32_t other = 0; other < page_count_; ++other) {
-    if (marks_[other].load(std::memory_order_relaxed) != 0) {
-      marks_[other].store(0, std::memory_order_relaxed);
-      touched[other].store(1, std::memory_order_relaxed);
-      if (other != page) {
-        trace_->impl_->put(Event::enter, other);
-      }
+  for (const std::uint32_t other : entered_) {
+    if (other != page) {
+      trace_->impl_->put(Event::enter, other);
     }
   }
 }

@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 #include <utility>
 
 #include "storage/base/status.h"
@@ -55,8 +56,12 @@ class PageTrace {
 class PageTrace::Lane {
  public:
   Lane(std::shared_ptr<PageTrace> trace, std::uint32_t page_count)
-      : trace_(std::move(trace)), page_count_(page_count), marks_(new std::atomic<std::uint8_t>[page_count]()) {}
-  static std::uint64_t bytes(std::uint32_t page_count) { return page_count; }
+      : trace_(std::move(trace)), page_count_(page_count), marks_(new std::atomic<std::uint8_t>[marks_of(page_count)]()) {
+    entered_.reserve(page_count);
+  }
+  static std::uint64_t bytes(std::uint32_t page_count) {
+    return marks_of(page_count) + page_count * sizeof(std::uint32_t);
+  }
 
   /// Where a kernel marks the pages that it enters: [page_count].
   [[nodiscard]] std::atomic<std::uint8_t>* marks() const { return marks_.get(); }
@@ -64,9 +69,12 @@ class PageTrace::Lane {
   void end_batch(std::uint32_t page, std::atomic<std::uint8_t>* touched);
 
  private:
+  static constexpr std::uint32_t marks_of(std::uint32_t page_count) { return (page_count + 7) / 8 * 8; }
+
   const std::shared_ptr<PageTrace> trace_;
   const std::uint32_t page_count_;
   const std::unique_ptr<std::atomic<std::uint8_t>[]> marks_;
+  std::vector<std::uint32_t> entered_;
 };
 
 }  // namespace raymill
