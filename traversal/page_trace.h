@@ -17,8 +17,8 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <vector>
 #include <utility>
+#include <vector>
 
 #include "storage/base/status.h"
 
@@ -56,7 +56,9 @@ class PageTrace {
 class PageTrace::Lane {
  public:
   Lane(std::shared_ptr<PageTrace> trace, std::uint32_t page_count)
-      : trace_(std::move(trace)), page_count_(page_count), marks_(new std::atomic<std::uint8_t>[marks_of(page_count)]()) {
+      : trace_(std::move(trace)),
+        page_count_(page_count),
+        marks_(new std::atomic<std::uint8_t>[marks_of(page_count)]()) {
     entered_.reserve(page_count);
   }
   static std::uint64_t bytes(std::uint32_t page_count) {
