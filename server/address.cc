@@ -6,6 +6,8 @@
 #include <charconv>
 #include <system_error>
 
+#include "storage/base/quotes.h"
+
 namespace raymill::server {
 
 namespace {
@@ -66,7 +68,8 @@ Result<std::string> check_server_address(const std::string& address) {
   }
   const HostPort parts = address.starts_with(kTcp) ? split_tcp(address) : HostPort();
   if (!parts.valid) {
-    return {ErrorCode::invalid_argument, "'" + address + "' is no address: give ipc://PATH or tcp://127.0.0.1:PORT"};
+    return {ErrorCode::invalid_argument,
+            in_quotes(address) + " is no address: give ipc://PATH or tcp://127.0.0.1:PORT"};
   }
   if (!is_loopback(parts.host)) {
     return {ErrorCode::unsupported,
@@ -88,7 +91,8 @@ Status check_client_address(const std::string& address) {
       return {};
     }
   }
-  return {ErrorCode::invalid_argument, "'" + address + "' is no server's address: give ipc://PATH or tcp://HOST:PORT"};
+  return {ErrorCode::invalid_argument,
+          in_quotes(address) + " is no server's address: give ipc://PATH or tcp://HOST:PORT"};
 }
 
 }  // namespace raymill::server

@@ -13,6 +13,7 @@
 #include "client/cli/interrupt.h"
 #include "client/cli/options.h"
 #include "client/cli/verbs.h"
+#include "storage/base/quotes.h"
 
 namespace {
 
@@ -84,7 +85,7 @@ int answer(const CLI::App& app, const CLI::ParseError& error, int argc, char** a
   const bool is_verb = !verbs.empty();
   std::string message = error.what();
   if (!is_verb && !first.empty() && first[0] != '-') {
-    message = "'" + first + "' is not a verb";
+    message = raymill::in_quotes(first) + " is not a verb";
   } else if (first.empty()) {
     message = "say what to do";
   }

@@ -196,7 +196,8 @@ Result<NpyHeader> parse_npy_header(std::span<const std::byte> file) {
 
 std::string npy_header(const std::string& descr, std::uint64_t rows, std::uint64_t columns) {
   constexpr std::size_t kAlignment = 64;
-  const std::string second = columns == 0 ? "" : " " + std::to_string(columns);
+  std::string second = columns == 0 ? "" : " ";
+  second += columns == 0 ? "" : std::to_string(columns);
   std::string text =
       "{'descr': " + descr + ", 'fortran_order': False, 'shape': (" + std::to_string(rows) + "," + second + "), }";
   // Spaces and one newline up to the alignment, counted with the preamble of 10 bytes.

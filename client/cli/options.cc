@@ -13,6 +13,7 @@
 
 #include "client/cpp/raymill.h"
 #include "storage/base/atomic_file.h"
+#include "storage/base/quotes.h"
 
 namespace raymill::client {
 
@@ -115,7 +116,8 @@ void QueryOptions::add_to(CLI::App& app) {
       app, "--query", config.query,
       [](const std::string& text) -> Result<Query> {
         if (text == "all" || text == "count") {
-          return Status(ErrorCode::unsupported, "'" + text + "' is not answered by this version; closest and any are");
+          return Status(ErrorCode::unsupported,
+                        in_quotes(text) + " is not answered by this version; closest and any are");
         }
         return parse_query(text);
       },

@@ -5,6 +5,8 @@
 #include <limits>
 #include <string>
 
+#include "storage/base/quotes.h"
+
 namespace raymill::client {
 
 namespace {
@@ -12,7 +14,7 @@ namespace {
 constexpr std::uint32_t kMaxSidePixels = 65536;
 
 Status refuse(std::string_view text, const char* expected) {
-  return {ErrorCode::invalid_argument, "'" + std::string(text) + "' is not " + expected};
+  return {ErrorCode::invalid_argument, in_quotes(text) + " is not " + expected};
 }
 
 template <typename T>

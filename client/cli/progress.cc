@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "storage/base/ledger.h"
+#include "storage/base/quotes.h"
 
 namespace raymill::client {
 
@@ -91,7 +92,7 @@ Result<ProgressStyle> parse_progress_style(std::string_view name) {
   if (name == "openjd") return ProgressStyle::openjd;
   if (name == "json") return ProgressStyle::json;
   return Status(ErrorCode::invalid_argument,
-                "'" + std::string(name) + "' is not a progress style; alf, openjd, json and none are");
+                in_quotes(name) + " is not a progress style; alf, openjd, json and none are");
 }
 
 std::string format_progress(ProgressStyle style, const ProgressState& state) {

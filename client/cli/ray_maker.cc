@@ -7,6 +7,7 @@
 
 #include "client/cli/interrupt.h"
 #include "client/cli/sampling.h"
+#include "storage/base/quotes.h"
 
 namespace raymill::client {
 
@@ -39,7 +40,7 @@ Result<RayKind> parse_ray_kind(std::string_view name) {
     }
   }
   return Status(ErrorCode::invalid_argument,
-                "'" + std::string(name) + "' is not a kind of rays; primary, ao, bounce, random and shadow are");
+                in_quotes(name) + " is not a kind of rays; primary, ao, bounce, random and shadow are");
 }
 
 std::string_view to_string(RayKind kind) {

@@ -11,6 +11,7 @@
 #include "client/cli/render/picture.h"
 #include "client/cli/render/renderer.h"
 #include "client/cli/verbs.h"
+#include "storage/base/quotes.h"
 
 namespace raymill::client {
 
@@ -21,8 +22,7 @@ Result<View> parse_view(std::string_view name) {
   if (name == "normal") return View::normal;
   if (name == "ao") return View::ao;
   if (name == "path") return View::path;
-  return Status(ErrorCode::invalid_argument,
-                "'" + std::string(name) + "' is not a view; depth, normal, ao and path are");
+  return Status(ErrorCode::invalid_argument, in_quotes(name) + " is not a view; depth, normal, ao and path are");
 }
 
 constexpr std::uint32_t kDefaultSpp = 16;

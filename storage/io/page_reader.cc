@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "storage/base/quotes.h"
 #include "storage/io/pread_pool.h"
 #include "storage/io/uring_reader.h"
 
@@ -15,7 +16,7 @@ Result<ReaderKind> parse_reader_kind(std::string_view name) {
     return ReaderKind::pread;
   }
   if (name != "uring") {
-    return {ErrorCode::invalid_argument, "'" + std::string(name) + "' is no way of reading pages: auto, uring, pread"};
+    return {ErrorCode::invalid_argument, in_quotes(name) + " is no way of reading pages: auto, uring, pread"};
   }
   if (const Status status = UringReader::available(); !status.ok()) {
     return {ErrorCode::invalid_argument, status.message()};

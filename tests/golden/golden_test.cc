@@ -2,6 +2,8 @@
 //
 //   raymill_golden_tests             compares
 //   raymill_golden_tests --rewrite   renews the example, and writes what is missing; it never changes a kept store
+#include "tests/golden/golden.h"
+
 #include <gtest/gtest.h>
 #include <zstd.h>
 
@@ -17,11 +19,12 @@
 #include "tests/support/trees.h"
 
 namespace raymill::tests {
+
+static bool is_rewriting = false;
+bool rewrite() { return is_rewriting; }
+
 namespace {
 
-bool rewrite = false;
-
-const std::string kGolden = RAYMILL_SOURCE_DIR "/tests/golden/";
 const std::string kSpecification = RAYMILL_SOURCE_DIR "/storage/FORMAT.md";
 
 struct KeptStore {
@@ -68,7 +71,7 @@ class OldStore : public testing::TestWithParam<KeptStore> {};
 TEST_P(OldStore, IsReadAndGivesItsHits) {
   const KeptStore kept = GetParam();
   const std::string path = kGolden + kept.name + ".mill", hits = kGolden + kept.name + ".hits";
-  if (rewrite && !std::filesystem::exists(path)) {
+  if (rewrite() && !std::filesystem::exists(path)) {
     const TempFolder folder;
     BuildConfig config = small_pages();
     config.codec = kept.codec;
@@ -109,7 +112,7 @@ TEST(Specification, ExampleHasTheBytesOfARealStore) {
   const std::string kept = text.substr(from + begin.size(), to - from - begin.size());
   const TempFolder folder;
   const std::string current = "```\n" + format_example(folder) + "```\n";
-  if (rewrite && kept != current) {
+  if (rewrite() && kept != current) {
     write_file(kSpecification, text.substr(0, from + begin.size()) + current + text.substr(to));
     return;
   }
@@ -126,7 +129,9 @@ TEST(Specification, ExampleHasTheBytesOfARealStore) {
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
   for (int i = 1; i < argc; ++i) {
-    raymill::tests::rewrite = raymill::tests::rewrite || std::strcmp(argv[i], "--rewrite") == 0;
+    if (std::strcmp(argv[i], "--rewrite") == 0) {
+      raymill::tests::is_rewriting = true;
+    }
   }
   return RUN_ALL_TESTS();
 }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "client/cli/generate/noise.h"
+#include "storage/base/quotes.h"
 
 namespace raymill::client {
 
@@ -100,7 +101,7 @@ Result<SceneKind> parse_scene_kind(std::string_view name) {
   if (name == "forest") return SceneKind::forest;
   if (name == "mixed") return SceneKind::mixed;
   return Status(ErrorCode::invalid_argument,
-                "'" + std::string(name) + "' is not a kind of scene; terrain, city, forest and mixed are");
+                in_quotes(name) + " is not a kind of scene; terrain, city, forest and mixed are");
 }
 
 Status generate(SceneKind kind, std::uint64_t triangles, std::uint64_t seed, SceneWriter& scene) {

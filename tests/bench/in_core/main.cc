@@ -22,6 +22,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/ray_file.h"
+#include "storage/base/quotes.h"
 #include "tests/bench/in_core/embree_calls.h"
 #include "tests/bench/in_core/ray_order.h"
 #include "tests/bench/in_core/resident_store.h"
@@ -161,7 +162,7 @@ Result<ResidentStore::Run> choose_run(const Options& options) {
     run.isa = to_string(isa) == options.isa ? isa : run.isa;
   }
   if (!options.isa.empty() && to_string(run.isa) != options.isa) {
-    return {ErrorCode::invalid_argument, "'" + options.isa + "' is no instruction set of this machine"};
+    return {ErrorCode::invalid_argument, in_quotes(options.isa) + " is no instruction set of this machine"};
   }
   return run;
 }

@@ -31,30 +31,37 @@ Result<ResidentStore> ResidentStore::load(const std::string& path) {
   return store;
 }
 
+traversal::Kernel ResidentStore::kernel(const Run& run) const {
+  const storage::PageRules rules = file_->rules();
+  return find_kernel(run.isa, {run.query, run.mode, rules.width, rules.width * rules.levels > 64});
+}
+
+void ResidentStore::begin(std::span<const Ray> rays, std::vector<RayState>& states) const {
+  states.assign(rays.size(), {});
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    RayState& state = states[i];
+    state.org = rays[i].org;
+    state.dir = rays[i].dir;
+    state.tnear = rays[i].tnear;
+    state.tfar = std::min(rays[i].tfar, std::numeric_limits<float>::max());
+    state.page = file_->footer().root_page;
+    state.node = static_cast<std::uint16_t>(file_->footer().root_node);
+  }
+}
+
 Result<traversal::KernelCounters> ResidentStore::trace(const Run& run, std::span<const Ray> rays,
                                                        std::span<Hit> hits) const {
-  const storage::PageRules rules = file_->rules();
-  const traversal::Kernel kernel =
-      find_kernel(run.isa, {run.query, run.mode, rules.width, rules.width * rules.levels > 64});
+  const traversal::Kernel traces = kernel(run);
   traversal::KernelContext context;
   context.images = cache_->images();
   context.touched = cache_->touched();
   std::vector<RayState> batch;
-  for (std::size_t begin = 0; begin < rays.size(); begin += run.batch_rays) {
-    const std::size_t count = std::min(run.batch_rays, rays.size() - begin);
-    batch.assign(count, {});
+  for (std::size_t first = 0; first < rays.size(); first += run.batch_rays) {
+    const std::size_t count = std::min(run.batch_rays, rays.size() - first);
+    this->begin(rays.subspan(first, count), batch);
+    traces(context, batch);
     for (std::size_t i = 0; i < count; ++i) {
-      const Ray& ray = rays[begin + i];
-      batch[i].org = ray.org;
-      batch[i].dir = ray.dir;
-      batch[i].tnear = ray.tnear;
-      batch[i].tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
-      batch[i].page = file_->footer().root_page;
-      batch[i].node = static_cast<std::uint16_t>(file_->footer().root_node);
-    }
-    kernel(context, batch);
-    for (std::size_t i = 0; i < count; ++i) {
-      hits[begin + i] = batch[i].has_hit ? batch[i].hit : Hit{};
+      hits[first + i] = batch[i].has_hit ? batch[i].hit : Hit{};
     }
   }
   if (context.corrupt) {

@@ -24,7 +24,13 @@ class ResidentStore {
   };
   /// Traces valid rays by the kernel alone; hits[i] is ray i's. Thread-confined.
   Result<traversal::KernelCounters> trace(const Run& run, std::span<const Ray> rays, std::span<Hit> hits) const;
+  /// States of rays at the root, [rays.size()].
+  void begin(std::span<const Ray> rays, std::vector<traversal::RayState>& states) const;
+  [[nodiscard]] traversal::Kernel kernel(const Run& run) const;
   [[nodiscard]] unsigned width() const { return file_->rules().width; }
+  [[nodiscard]] std::uint32_t page_count() const { return file_->page_count(); }
+  [[nodiscard]] std::uint32_t root_page() const { return file_->footer().root_page; }
+  [[nodiscard]] const std::byte* image(std::uint32_t page) const { return cache_->images()[page].load(); }
 
  private:
   ResidentStore() = default;

@@ -16,6 +16,7 @@
 
 #include "client/cli/ray_file.h"
 #include "storage/base/ledger.h"
+#include "storage/base/quotes.h"
 #include "tests/support/embree_files.h"
 
 namespace raymill::bench {
@@ -126,7 +127,7 @@ Status run(const Options& options) {
     RunRequest request;
     std::istringstream words(line);
     if (!(words >> request.threads >> request.seconds >> std::ws) || !std::getline(words, request.rays)) {
-      return {ErrorCode::invalid_argument, "'" + line + "' is not THREADS SECONDS RAYS.npy"};
+      return {ErrorCode::invalid_argument, in_quotes(line) + " is not THREADS SECONDS RAYS.npy"};
     }
     RAYMILL_ASSIGN_OR_RETURN(const auto traced, trace(scene, request));
     print(traced);
