@@ -81,7 +81,8 @@ def parse():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=support.program)
     options.add_argument("--bench", required=True, type=support.program, help="raymill-seed")
-    options.add_argument("--work", type=pathlib.Path, help="folder for scenes, stores and rays; default: one that is removed")
+    options.add_argument("--work", type=pathlib.Path,
+                         help="folder for scenes, stores and rays; default: one that is removed")
     options.add_argument("--scenes", default="terrain:2M,city:10M", help="separated by commas (%(default)s)")
     options.add_argument("--rays", default="500k", help="of each kind (%(default)s)")
     options.add_argument("--repeat", default=5, type=int, help="(%(default)s)")
