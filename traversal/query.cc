@@ -106,7 +106,10 @@ std::string to_string(Field fields) {
   std::string text;
   for (const NamedField& named : kFieldNames) {
     if (has(fields, named.field)) {
-      text += (text.empty() ? "" : ",") + std::string(named.name);
+      if (!text.empty()) {
+        text += ',';
+      }
+      text += named.name;
     }
   }
   return text;

@@ -28,7 +28,7 @@ namespace {
 
 using nlohmann::json;
 
-struct Options {
+struct BenchOptions {
   std::string store;
   std::vector<RayKind> kinds = {RayKind::primary, RayKind::bounce, RayKind::shadow, RayKind::ao, RayKind::random};
   std::uint64_t count = 1'000'000;
@@ -44,7 +44,7 @@ struct Options {
 };
 
 constexpr std::uint64_t kMostRays = std::uint64_t{1} << 32;
-constexpr std::uint64_t kShuffleSalt = 5;
+constexpr std::uint64_t kOrderSalt = 5;
 
 Result<std::vector<RayKind>> parse_kinds(std::string_view text) {
   std::vector<RayKind> kinds;
@@ -109,7 +109,7 @@ double trace_by_embree(const EmbreeScene& scene, Query query, unsigned threads, 
 
 class Bench {
  public:
-  explicit Bench(const Options& options, ProgressStyle style) : options_(options), progress_(style) {}
+  explicit Bench(const BenchOptions& options, ProgressStyle style) : options_(options), progress_(style) {}
 
   // The buffers are there before the engine, which counts what the process holds; Embree comes after it, for it is not
   // under the limit.
@@ -192,7 +192,7 @@ class Bench {
  private:
   Status make(RayKind kind) {
     const RayOrder order{.kind = kind, .count = options_.count, .seed = options_.seed};
-    const std::uint64_t shuffle_seed = mix(options_.seed, kShuffleSalt);
+    const std::uint64_t shuffle_seed = mix(options_.seed, kOrderSalt);
     std::uint64_t made = 0;
     RunStats stats;
     RAYMILL_RETURN_IF_ERROR(RayMaker(order, info_, camera_)
@@ -242,7 +242,7 @@ class Bench {
     return seconds;
   }
 
-  const Options& options_;
+  const BenchOptions& options_;
   Progress progress_;
   std::vector<Ray> rays_, buffer_;
   std::vector<float> ours_, theirs_;
@@ -276,7 +276,7 @@ std::string line_text(const json& line) {
   return std::string(text) + "\n";
 }
 
-Status check(const Options& options) {
+Status check(const BenchOptions& options) {
   if (options.count == 0 || options.count > kMostRays) {
     return {ErrorCode::invalid_argument, "--count goes from 1 to 2^32"};
   }
@@ -293,7 +293,7 @@ Status check(const Options& options) {
 }
 
 // Lines are printed as they come; as JSON each is one line, and the first one says what holds for all.
-Status run(const Options& options) {
+Status run(const BenchOptions& options) {
   RAYMILL_RETURN_IF_ERROR(check(options));
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   Bench bench(options, style);
@@ -316,7 +316,7 @@ Status run(const Options& options) {
 }  // namespace
 
 Verb add_bench(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<BenchOptions>();
   CLI::App* verb = app.add_subcommand("bench", "Measure how fast a store is traced here");
   verb->footer(
       "\nMakes rays of each kind (see 'raymill rays --help'; ao and shadow rays ask for any hit, the others for the "

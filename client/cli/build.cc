@@ -14,7 +14,7 @@ namespace raymill::client {
 
 namespace {
 
-struct Options {
+struct BuildOptions {
   BuildConfig config;
   std::uint64_t page_bytes = BuildConfig().page_bytes;
   std::string manifest;
@@ -24,7 +24,7 @@ struct Options {
 };
 
 // Scenes that were named on the command line come first.
-Status add_manifest(Options& options) {
+Status add_manifest(BuildOptions& options) {
   if (!options.manifest.empty()) {
     RAYMILL_ASSIGN_OR_RETURN(const std::vector<std::string> listed, read_manifest(options.manifest));
     options.config.scenes.insert(options.config.scenes.end(), listed.begin(), listed.end());
@@ -35,7 +35,7 @@ Status add_manifest(Options& options) {
   return {};
 }
 
-Status run(Options& options) {
+Status run(BuildOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   if (options.page_bytes > UINT32_MAX) {
     return {ErrorCode::invalid_argument, "--page-size goes from 16K to 1M"};
@@ -66,7 +66,7 @@ Status run(Options& options) {
 }  // namespace
 
 Verb add_build(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<BuildOptions>();
   CLI::App* verb = app.add_subcommand("build", "Make a scene store from glTF files");
   verb->footer(
       "\nReads .gltf and .glb files (Draco too), flattens their nodes to world space and writes one store. The store "

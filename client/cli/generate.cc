@@ -13,7 +13,7 @@ namespace raymill::client {
 
 namespace {
 
-struct Options {
+struct GenerateOptions {
   SceneKind kind = SceneKind::terrain;
   std::uint64_t triangles = 0;
   std::uint64_t seed = 1;
@@ -22,7 +22,7 @@ struct Options {
   bool json = false;
 };
 
-Status run(const Options& options) {
+Status run(const GenerateOptions& options) {
   if (options.triangles == 0) {
     return {ErrorCode::invalid_argument, "--triangles must be at least 1"};
   }
@@ -55,7 +55,7 @@ Status run(const Options& options) {
 }  // namespace
 
 Verb add_generate(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<GenerateOptions>();
   CLI::App* verb = app.add_subcommand("generate", "Make up a scene of any size");
   verb->footer(
       "\nKinds: terrain (a fractal heightfield), city (buildings with window frames), forest (trees and grass of thin\n"

@@ -21,7 +21,7 @@ namespace {
 // A wait asks again after so long, to notice a signal.
 constexpr double kWaitStepSeconds = 0.5;
 
-struct Options {
+struct JobsOptions {
   std::string server = ClientConfig().address;
   std::string id;
   std::string store;
@@ -33,13 +33,15 @@ struct Options {
   bool json = false;
 };
 
-Result<std::unique_ptr<Client>> connect(const Options& options) { return Client::connect({.address = options.server}); }
+Result<std::unique_ptr<Client>> connect(const JobsOptions& options) {
+  return Client::connect({.address = options.server});
+}
 
-Status show(const Options& options, const JobInfo& job) {
+Status show(const JobsOptions& options, const JobInfo& job) {
   return options.json ? print_json(job_json(job)) : print(job_text(job));
 }
 
-Status submit(Options& options) {
+Status submit(JobsOptions& options) {
   RAYMILL_RETURN_IF_ERROR(options.query.resolve());
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
@@ -63,7 +65,7 @@ Status submit(Options& options) {
   return options.json ? print_json({{"id", *id}, {"rays", sent}}) : print(*id + "\n");
 }
 
-Status status(const Options& options) {
+Status status(const JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
   RAYMILL_ASSIGN_OR_RETURN(const JobInfo job, client->job(options.id));
   return show(options, job);
@@ -84,7 +86,7 @@ Status outcome(const JobInfo& job) {
   return {};
 }
 
-Status wait(const Options& options) {
+Status wait(const JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
   std::optional<Progress> progress(style);
@@ -115,7 +117,7 @@ Status wait(const Options& options) {
   return interrupted_status();
 }
 
-Status fetch(const Options& options) {
+Status fetch(const JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
   RAYMILL_ASSIGN_OR_RETURN(auto file, storage::AtomicFile::create(options.output));
@@ -148,13 +150,13 @@ Status fetch(const Options& options) {
                       : print(options.output + ": " + std::to_string(total_rays) + " rays\n");
 }
 
-Status cancel(const Options& options) {
+Status cancel(const JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
   RAYMILL_RETURN_IF_ERROR(client->cancel(options.id));
   return options.json ? print_json({{"id", options.id}, {"cancelled", true}}) : Status();
 }
 
-Status jobs(const Options& options) {
+Status jobs(const JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
   RAYMILL_ASSIGN_OR_RETURN(const std::vector<JobInfo> list, client->jobs());
   nlohmann::json array = nlohmann::json::array();
@@ -168,11 +170,11 @@ Status jobs(const Options& options) {
 
 struct Added {
   CLI::App* verb;
-  std::shared_ptr<Options> options;
+  std::shared_ptr<JobsOptions> options;
 };
 
 Added add(CLI::App& app, const char* name, const char* what, bool takes_id) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<JobsOptions>();
   CLI::App* verb = app.add_subcommand(name, what);
   if (takes_id) {
     verb->add_option("ID", options->id, "The job, as submit printed it")->required()->type_name("");

@@ -16,20 +16,20 @@ namespace {
 // picture. With a store of 14 MiB as measured by this verb, trace and rays were refused below 15 MiB, render below 16.
 constexpr std::uint64_t kVerbBytes = mebibytes(2);
 
-struct Options {
+struct LookOptions {
   std::string store;
   std::uint32_t page = 0;
   bool json = false;
   ServiceOptions service;
 };
 
-std::shared_ptr<Options> add_common(CLI::App& verb) {
-  auto options = std::make_shared<Options>();
+std::shared_ptr<LookOptions> add_common(CLI::App& verb) {
+  auto options = std::make_shared<LookOptions>();
   verb.add_option("STORE", options->store, "The store")->required()->type_name("X.mill");
   return options;
 }
 
-Status info(const Options& options) {
+Status info(const LookOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
   RAYMILL_ASSIGN_OR_RETURN(StoreInfo store, open.store->info());
   if (options.service.server.empty()) {
@@ -38,7 +38,7 @@ Status info(const Options& options) {
   return options.json ? print_json(info_json(store)) : print(info_text(store));
 }
 
-Status verify_store(const Options& options) {
+Status verify_store(const LookOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const VerifyReport report, verify(options.store));
   if (options.json) {
     return print_json({{"store", options.store},
@@ -51,7 +51,7 @@ Status verify_store(const Options& options) {
                std::to_string(report.triangles) + " triangles, " + storage::format_bytes(report.bytes) + "\n");
 }
 
-Status inspect(const Options& options) {
+Status inspect(const LookOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const std::string text, inspect_page(options.store, options.page));
   return print(text + "\n");
 }

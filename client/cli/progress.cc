@@ -63,7 +63,7 @@ std::string bar(const ProgressState& state) {
   return text;
 }
 
-std::string json(const ProgressState& state) {
+std::string json_line(const ProgressState& state) {
   std::string text = "{\"phase\":\"" + std::string(state.phase) +
                      "\",\"progress\":" + formatted("%.4f", state.fraction) +
                      ",\"seconds\":" + formatted("%.3f", state.elapsed_seconds);
@@ -106,7 +106,7 @@ std::string format_progress(ProgressStyle style, const ProgressState& state) {
     case ProgressStyle::openjd:
       return "openjd_progress: " + formatted("%.1f", std::floor(state.fraction * 1000) / 10);
     case ProgressStyle::json:
-      return json(state);
+      return json_line(state);
   }
   return {};
 }

@@ -17,7 +17,7 @@ namespace raymill::client {
 
 namespace {
 
-struct Options {
+struct RaysOptions {
   std::string store;
   std::string output;
   RayOrder order;
@@ -32,7 +32,7 @@ constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 40;
 
 constexpr std::uint64_t kShuffleSalt = 4;  // other draws than those of ray_maker.cc
 
-Status run(const Options& options) {
+Status run(const RaysOptions& options) {
   if (options.order.count == 0) {
     return {ErrorCode::invalid_argument, "--count must be at least 1"};
   }
@@ -68,7 +68,7 @@ Status run(const Options& options) {
 }  // namespace
 
 Verb add_rays(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RaysOptions>();
   CLI::App* verb = app.add_subcommand("rays", "Make a batch of rays for a store");
   verb->footer(
       "\nKinds: primary (a camera's, row by row), ao (from the primary hits, cosine-weighted, tfar the radius), "

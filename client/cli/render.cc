@@ -27,7 +27,7 @@ Result<View> parse_view(std::string_view name) {
 
 constexpr std::uint32_t kDefaultSpp = 16;
 
-struct Options {
+struct RenderOptions {
   std::string store;
   std::string output;
   std::string camera;
@@ -71,7 +71,7 @@ struct Stage {
 };
 
 // The renderer takes its memory before the engine is made. Where the store then does not fit, a smaller share may do.
-Result<Stage> set_stage(const Options& options) {
+Result<Stage> set_stage(const RenderOptions& options) {
   RenderConfig config = options.render;
   Status refused;
   for (const std::uint64_t share : kShares) {
@@ -95,7 +95,7 @@ Result<Stage> set_stage(const Options& options) {
   return refused;
 }
 
-Status run(Options& options) {
+Status run(RenderOptions& options) {
   RenderConfig& config = options.render;
   const bool is_sampled = config.view == View::ao || config.view == View::path;
   if (options.spp && !is_sampled) {
@@ -132,7 +132,7 @@ Status run(Options& options) {
 }  // namespace
 
 Verb add_render(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RenderOptions>();
   CLI::App* verb = app.add_subcommand("render", "Make a picture");
   verb->footer(
       "\nViews: depth (distance in scene units, channel Z), normal (world space, in RGB), ao (open share of the "

@@ -13,11 +13,11 @@ namespace raymill::client {
 
 namespace {
 
-struct Options {
+struct ServeOptions {
   server::ServeConfig config;
 };
 
-Status run(const Options& options) {
+Status run(const ServeOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const auto server, server::Server::start(options.config));
   RAYMILL_RETURN_IF_ERROR(
       print("raymill serves " + options.config.stores_directory + " at " + server->endpoint() + "\n"));
@@ -39,7 +39,7 @@ Status run(const Options& options) {
 }  // namespace
 
 Verb add_serve(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ServeOptions>();
   server::ServeConfig& config = options->config;
   CLI::App* verb = app.add_subcommand("serve", "Answer rays for other processes and machines");
   verb->footer(

@@ -15,7 +15,7 @@ namespace raymill::client {
 
 namespace {
 
-struct Options {
+struct TraceOptions {
   std::string store;
   std::string rays;
   std::string output;
@@ -27,7 +27,7 @@ struct Options {
 };
 
 // What the rows depend on: a part of the hits goes on only where all of it is the same.
-nlohmann::json run_of(const Options& options, const RayFileReader& reader, const StoreInfo& store) {
+nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const StoreInfo& store) {
   return {{"rays", options.rays},
           {"rays_file", reader.identity()},
           {"ray_count", reader.count()},
@@ -37,7 +37,7 @@ nlohmann::json run_of(const Options& options, const RayFileReader& reader, const
           {"fields", static_cast<unsigned>(options.query.config.fields)}};
 }
 
-Status run(Options& options) {
+Status run(TraceOptions& options) {
   RAYMILL_RETURN_IF_ERROR(options.query.resolve());
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   // Everything that needs memory comes before the engine, which counts what the process holds.
@@ -100,7 +100,7 @@ Status run(Options& options) {
 }  // namespace
 
 Verb add_trace(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<TraceOptions>();
   CLI::App* verb = app.add_subcommand("trace", "Answer a file of rays");
   verb->footer(
       "\nRays: .npy, little-endian float32 or float64 (rounded to float32), C order, shape (N, 6): org, dir, with "

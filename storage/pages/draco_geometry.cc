@@ -206,7 +206,7 @@ void write_map(const FaceMap& map, const std::vector<Face>& page, std::vector<st
   out.put(std::span<const std::uint32_t>(corners));
 }
 
-Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page has a Draco mesh ") + what}; }
+Status corrupt_mesh(const char* what) { return {ErrorCode::corrupt, std::string("page has a Draco mesh ") + what}; }
 
 }  // namespace
 
@@ -235,7 +235,7 @@ Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const
   std::array<std::uint32_t, 2> counts{};
   streams.get(std::span<std::uint32_t>(counts));
   if (counts[0] > header.triangle_count || counts[1] > header.triangle_count) {
-    return corrupt("with more faces than the page has triangles");
+    return corrupt_mesh("with more faces than the page has triangles");
   }
   FaceMap map{std::vector<std::uint16_t>(counts[0]), std::vector<std::uint8_t>(counts[0]),
               std::vector<std::uint16_t>(counts[1])};
@@ -246,7 +246,7 @@ Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const
   streams.get(std::span(corners));
   const auto decoded = decode_mesh_guarded(mesh, header.triangle_count);
   if (!decoded || decoded->size() != counts[0] || streams.failed()) {
-    return corrupt("that cannot be decoded");
+    return corrupt_mesh("that cannot be decoded");
   }
   std::vector<Face> faces(header.triangle_count);
   std::vector<bool> known(header.triangle_count);
@@ -257,14 +257,14 @@ Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const
       continue;
     }
     if (last >= faces.size() || map.order[i] >= kOrders.size()) {
-      return corrupt("whose map leads past the page's triangles");
+      return corrupt_mesh("whose map leads past the page's triangles");
     }
     faces[last] = reorder((*decoded)[i], map.order[i]);
     known[last] = true;
   }
   for (std::size_t i = 0; i < map.left_over.size(); ++i) {
     if (map.left_over[i] >= faces.size()) {
-      return corrupt("whose map leads past the page's triangles");
+      return corrupt_mesh("whose map leads past the page's triangles");
     }
     for (int k = 0; k < 9; ++k) {
       faces[map.left_over[i]][k / 3][k % 3] = static_cast<std::int32_t>(corners[i * 9 + k]);
@@ -272,7 +272,7 @@ Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const
     known[map.left_over[i]] = true;
   }
   if (std::find(known.begin(), known.end(), false) != known.end()) {
-    return corrupt("that leaves triangles of the page unnamed");
+    return corrupt_mesh("that leaves triangles of the page unnamed");
   }
   PositionMap positions(std::size_t(header.vertex_count) + 1);
   auto* vertices = reinterpret_cast<Vec3f*>(image + header.vertices_offset);
@@ -280,12 +280,12 @@ Status decode_draco(std::span<const std::byte> mesh, PlaneReader& streams, const
   for (std::size_t i = 0; i < faces.size() * 3; ++i) {
     const std::uint32_t index = positions.insert(position_of(faces[i / 3][i % 3], kind));
     if (index >= header.vertex_count) {
-      return corrupt("with more vertices than the page");
+      return corrupt_mesh("with more vertices than the page");
     }
     indices[i] = static_cast<std::uint16_t>(index);
   }
   if (positions.size() != header.vertex_count) {
-    return corrupt("with fewer vertices than the page");
+    return corrupt_mesh("with fewer vertices than the page");
   }
   std::memcpy(vertices, positions.positions().data(), positions.size() * sizeof(Vec3f));
   return {};

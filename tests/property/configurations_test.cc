@@ -28,11 +28,6 @@ struct Configuration {
   }
 };
 
-template <typename T>
-T pick(Random& random, std::initializer_list<T> values) {
-  return values.begin()[random.below(static_cast<std::uint32_t>(values.size()))];
-}
-
 Configuration draw(Random& random) {
   Configuration c;
   c.build.width = pick(random, {4u, 8u});

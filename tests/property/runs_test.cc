@@ -13,14 +13,9 @@
 namespace raymill::tests {
 namespace {
 
-constexpr int kStep = -12;  // positions are multiples of 2^-12, so the lattice keeps them
+constexpr int kRunsStep = -12;  // positions are multiples of 2^-12, so the lattice keeps them
 
-template <typename T>
-T pick(Random& random, std::initializer_list<T> values) {
-  return values.begin()[random.below(static_cast<std::uint32_t>(values.size()))];
-}
-
-Scene draw_scene(Random& random) {
+Scene draw_cut_scene(Random& random) {
   Scene scene;
   switch (random.below(6)) {
     case 0:
@@ -42,7 +37,7 @@ Scene draw_scene(Random& random) {
       scene = {soup(random, 2500, 0.02F), moved(boxes(random, 3), {500, 500, 500})};
       break;
   }
-  return snapped(scene, kStep);
+  return snapped(scene, kRunsStep);
 }
 
 struct Built {
@@ -76,7 +71,7 @@ TEST_P(Runs, OfAnySizeGiveTheSameHits) {
   SCOPED_TRACE("replay with RAYMILL_PROPERTY_SEED=" + std::to_string(seed));
   Random random(seed);
   const TempFolder folder;
-  const Scene scene = draw_scene(random);
+  const Scene scene = draw_cut_scene(random);
   const std::vector<Ray> rays = mixed_rays(random, scene, 1500);
 
   TraceSetup setup;

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 
 #include "storage/base/vec3.h"
 
@@ -35,5 +36,11 @@ class Random {
  private:
   std::uint64_t state_;
 };
+
+/// One of them.
+template <typename T>
+T pick(Random& random, std::initializer_list<T> values) {
+  return values.begin()[random.below(static_cast<std::uint32_t>(values.size()))];
+}
 
 }  // namespace raymill::tests

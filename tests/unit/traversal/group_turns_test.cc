@@ -10,27 +10,27 @@
 namespace raymill::traversal {
 namespace {
 
-constexpr std::uint32_t kPages = 40, kGroupPages = 4;
+constexpr std::uint32_t kTurnPages = 40, kGroupPages = 4;
 
 class GroupTurnsTest : public testing::Test {
  protected:
   GroupTurns make(ReadOrder order) {
     return GroupTurns(
-        {kPages, kGroupPages, order, [](std::uint32_t page) { return page < 20 ? 1000U : 4000U; }},
+        {kTurnPages, kGroupPages, order, [](std::uint32_t page) { return page < 20 ? 1000U : 4000U; }},
         {[this](std::uint32_t group) { return disk_[group]; }, [this](std::uint32_t page) { return wanted_[page]; }});
   }
   // Reads the next page; all its rays are gone then.
   std::uint32_t read(GroupTurns& turns) {
     const auto page = turns.next_page();
     if (!page) {
-      return kPages;
+      return kTurnPages;
     }
     EXPECT_GT(wanted_[*page], 0u);
     wanted_[*page] = 0;
     return *page;
   }
-  std::vector<std::uint32_t> wanted_ = std::vector<std::uint32_t>(kPages);
-  std::vector<std::uint64_t> disk_ = std::vector<std::uint64_t>(kPages / kGroupPages);
+  std::vector<std::uint32_t> wanted_ = std::vector<std::uint32_t>(kTurnPages);
+  std::vector<std::uint64_t> disk_ = std::vector<std::uint64_t>(kTurnPages / kGroupPages);
 };
 
 TEST_F(GroupTurnsTest, FullestGroupIsReadInTheFilesOrder) {
@@ -44,7 +44,7 @@ TEST_F(GroupTurnsTest, FullestGroupIsReadInTheFilesOrder) {
   EXPECT_EQ(read(turns), 9u);
   EXPECT_EQ(read(turns), 10u);
   EXPECT_EQ(read(turns), 3u);
-  EXPECT_EQ(read(turns), kPages);
+  EXPECT_EQ(read(turns), kTurnPages);
 }
 
 TEST_F(GroupTurnsTest, PageThatIsWantedAgainInTheTurnIsReadAgain) {
@@ -113,7 +113,7 @@ TEST_F(GroupTurnsTest, NoGroupIsForgotten) {
     for (; wanted_[38] > 0; ++reads) {
       wanted_[reads % 20] += 1000;
       (void)read(turns);
-      ASSERT_LT(reads, GroupTurns::kAgeTurns * (kPages / kGroupPages) * kGroupPages) << to_string(order);
+      ASSERT_LT(reads, GroupTurns::kAgeTurns * (kTurnPages / kGroupPages) * kGroupPages) << to_string(order);
     }
   }
 }
@@ -123,7 +123,7 @@ TEST_F(GroupTurnsTest, EverythingIsReadInTheEnd) {
   for (const ReadOrder order : {ReadOrder::score, ReadOrder::most_rays, ReadOrder::fifo, ReadOrder::sweep}) {
     GroupTurns turns = make(order);
     for (int step = 0; step < 2000; ++step) {
-      wanted_[random.below(kPages)] += random.below(random.below(9) == 0 ? 1000 : 3);
+      wanted_[random.below(kTurnPages)] += random.below(random.below(9) == 0 ? 1000 : 3);
       if (random.below(2) == 0) {
         (void)read(turns);
       }

@@ -14,7 +14,7 @@ namespace {
 
 using storage::PageId;
 
-constexpr std::uint32_t kPages = 50;
+constexpr std::uint32_t kWaitPages = 50;
 constexpr std::size_t kExtentBytes = 8192;
 
 class WaitingRaysTest : public testing::Test {
@@ -22,7 +22,7 @@ class WaitingRaysTest : public testing::Test {
   WaitingRaysTest() {
     WaitingRays::Config config;
     config.layout = RecordLayout(Field::uv | Field::ids);
-    config.page_count = kPages;
+    config.page_count = kWaitPages;
     config.group_pages = 8;
     config.pool_chunks = 4000;
     config.extent_bytes = kExtentBytes;
@@ -56,7 +56,7 @@ class WaitingRaysTest : public testing::Test {
     waiting_->pool().release(batch);
   }
   std::span<std::byte> buffer() { return {memory_.data(), kExtentBytes}; }
-  std::uint32_t send(std::uint32_t group, std::uint32_t but_not = kPages) {
+  std::uint32_t send(std::uint32_t group, std::uint32_t but_not = kWaitPages) {
     auto parcel = waiting_->detach(group, [&](PageId page) { return index_of(page) != but_not; });
     EXPECT_TRUE(waiting_->store(parcel, buffer()).ok());
     waiting_->retire(parcel);
@@ -102,7 +102,7 @@ TEST_F(WaitingRaysTest, GroupGoesToDiskAndComesBackWhole) {
   EXPECT_EQ(folder_.files(), 0u) << "the file has no name";
   EXPECT_EQ(bring(1), 100u);
   EXPECT_EQ(waiting_->rays_on_disk(), 0u);
-  for (std::uint32_t page = 0; page < kPages; ++page) {
+  for (std::uint32_t page = 0; page < kWaitPages; ++page) {
     take(page);
   }
   EXPECT_EQ(taken_.size(), 200u);
@@ -157,12 +157,12 @@ TEST_F(WaitingRaysTest, AnyHistoryKeepsEveryRayOnce) {
     switch (random_.below(4)) {
       case 0:
         for (std::uint32_t i = random_.below(20); i > 0; --i) {
-          put(random_.below(kPages));
+          put(random_.below(kWaitPages));
         }
         break;
       case 1:
         if (waiting_->memory_rays(group) > 0 && waiting_->has_extents_left()) {
-          send(group, random_.below(kPages));
+          send(group, random_.below(kWaitPages));
         }
         break;
       case 2:
@@ -171,7 +171,7 @@ TEST_F(WaitingRaysTest, AnyHistoryKeepsEveryRayOnce) {
         }
         break;
       default:
-        take(random_.below(kPages));
+        take(random_.below(kWaitPages));
     }
   }
   for (std::uint32_t group = 0; group < waiting_->group_count(); ++group) {
@@ -179,7 +179,7 @@ TEST_F(WaitingRaysTest, AnyHistoryKeepsEveryRayOnce) {
       bring(group);
     }
   }
-  for (std::uint32_t page = 0; page < kPages; ++page) {
+  for (std::uint32_t page = 0; page < kWaitPages; ++page) {
     take(page);
   }
   EXPECT_EQ(taken_.size(), next_);

@@ -15,12 +15,12 @@ namespace {
 using tests::Random;
 using tests::Scene;
 
-struct Case {
+struct TreeCase {
   const char* name;
   std::function<Scene()> make;
 };
 
-std::vector<Case> cases() {
+std::vector<TreeCase> tree_cases() {
   return {
       {"one_triangle", [] { return Scene{tests::grid(1, 0)}; }},
       {"nine_triangles",
@@ -119,7 +119,7 @@ void check(const WideTree& tree, const std::vector<Triangle>& input, const std::
 class TreeOf : public testing::TestWithParam<std::size_t> {};
 
 TEST_P(TreeOf, HoldsEveryTriangleOnceInExactBoxesWithinTheBitstack) {
-  const Case scene_case = cases()[GetParam()];
+  const TreeCase scene_case = tree_cases()[GetParam()];
   const Scene scene = scene_case.make();
   for (const unsigned width : {4u, 8u}) {
     const WideTree tree = tests::build_tree(scene, width);
@@ -127,8 +127,8 @@ TEST_P(TreeOf, HoldsEveryTriangleOnceInExactBoxesWithinTheBitstack) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, TreeOf, testing::Range(std::size_t{0}, cases().size()),
-                         [](const auto& param) { return std::string(cases()[param.param].name); });
+INSTANTIATE_TEST_SUITE_P(Scenes, TreeOf, testing::Range(std::size_t{0}, tree_cases().size()),
+                         [](const auto& param) { return std::string(tree_cases()[param.param].name); });
 
 TEST(BinaryTreeBuilder, GivesTheSameTreeWhateverItBuiltBefore) {
   Random random(1);

@@ -12,7 +12,7 @@ namespace {
 using tests::Random;
 using tests::TempFolder;
 
-std::vector<Triangle> soup(std::size_t count) {
+std::vector<Triangle> numbered_soup(std::size_t count) {
   Random random(count);
   return tests::triangles_of({tests::soup(random, count)});
 }
@@ -40,7 +40,7 @@ INSTANTIATE_TEST_SUITE_P(OwnThread, Spool, testing::Bool());
 
 TEST_P(Spool, TrianglesComeBackInTheirOrder) {
   for (const std::size_t count : {0u, 1u, 8192u, 8193u, 100000u}) {
-    const std::vector<Triangle> triangles = soup(count);
+    const std::vector<Triangle> triangles = numbered_soup(count);
     ASSERT_TRUE(add(spool_, triangles).ok());
     const auto bucket = spool_.take();
     ASSERT_TRUE(bucket) << bucket.status().message();
@@ -65,13 +65,13 @@ TEST_P(Spool, DiskThatRefusesIsToldOfInTheEnd) {
   TriangleSpool spool(nowhere, GetParam());
   Status status;
   for (int i = 0; i < 20 && status.ok(); ++i) {
-    status = add(spool, soup(9000));
+    status = add(spool, numbered_soup(9000));
   }
   EXPECT_EQ(status.code(), ErrorCode::io);
   EXPECT_EQ(spool.take().status().code(), ErrorCode::io);
 }
 
-TEST_P(Spool, EndsWithoutBeingTaken) { ASSERT_TRUE(add(spool_, soup(100000)).ok()); }
+TEST_P(Spool, EndsWithoutBeingTaken) { ASSERT_TRUE(add(spool_, numbered_soup(100000)).ok()); }
 
 }  // namespace
 }  // namespace raymill::storage

@@ -10,7 +10,7 @@
 namespace raymill::storage {
 namespace {
 
-TestScene small_scene() {
+TestScene contained_scene() {
   TestScene scene;
   const int positions = scene.positions(vertices(3));
   scene.show(positions, scene.indices(std::vector<std::uint16_t>{0, 1, 2}));
@@ -47,13 +47,13 @@ std::string buffer_text(const TestScene& scene) {
 }
 
 TEST(Container, Glb) {
-  const Imported imported = import_bytes(small_scene().glb());
+  const Imported imported = import_bytes(contained_scene().glb());
   ASSERT_TRUE(imported.status.ok()) << imported.status.message();
   EXPECT_EQ(imported.triangles.size(), 1U);
 }
 
 TEST(Container, EveryCutOfAGlbIsRefused) {
-  const std::string glb = small_scene().glb();
+  const std::string glb = contained_scene().glb();
   for (std::size_t size = 0; size < glb.size(); ++size) {
     const Status status = import_bytes(glb.substr(0, size)).status;
     ASSERT_EQ(status.code(), ErrorCode::bad_scene) << size;
@@ -62,7 +62,7 @@ TEST(Container, EveryCutOfAGlbIsRefused) {
 }
 
 TEST(Container, EveryChangedByteOfAGlbIsReadOrRefused) {
-  const std::string glb = small_scene().glb();
+  const std::string glb = contained_scene().glb();
   for (std::size_t i = 0; i < glb.size(); ++i) {
     for (const char change : {'\x01', '\x80', '\xff'}) {
       std::string changed = glb;
@@ -75,7 +75,7 @@ TEST(Container, EveryChangedByteOfAGlbIsReadOrRefused) {
 }
 
 TEST(Container, BinaryChunkShorterThanItsBuffer) {
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   scene.root["buffers"][0]["byteLength"] = 1000;
   const Status status = import_bytes(scene.glb()).status;
   EXPECT_EQ(status.code(), ErrorCode::bad_scene);
@@ -86,7 +86,7 @@ TEST(Container, BinaryChunkShorterThanItsBuffer) {
 
 TEST(Container, BuffersBesideTheFile) {
   const Folder folder;
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   scene.root["buffers"][0]["uri"] = "data/the%20points.bin";
   const std::string path = folder.write("scene.gltf", scene.root.dump());
   const Status missing = import_path(path).status;
@@ -106,7 +106,7 @@ TEST(Container, BuffersBesideTheFile) {
 }
 
 TEST(Container, BuffersThatNothingReadsMayBeMissing) {
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   scene.root["buffers"].push_back({{"byteLength", 100}, {"uri", "animation.bin"}});
   EXPECT_TRUE(import_bytes(scene.text()).status.ok());
 }
@@ -114,11 +114,11 @@ TEST(Container, BuffersThatNothingReadsMayBeMissing) {
 TEST(Container, UrisThatAreNoFilesBesideTheScene) {
   const Folder folder;
   for (const char* uri : {"http://example.org/a.bin", "file:///etc/passwd", "/etc/passwd"}) {
-    TestScene scene = small_scene();
+    TestScene scene = contained_scene();
     scene.root["buffers"][0]["uri"] = uri;
     EXPECT_EQ(import_path(folder.write("scene.gltf", scene.root.dump())).status.code(), ErrorCode::unsupported) << uri;
   }
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   scene.root["buffers"][0]["uri"] = "a%00b.bin";
   EXPECT_EQ(import_path(folder.write("scene.gltf", scene.root.dump())).status.code(), ErrorCode::bad_scene);
   scene.root["buffers"][0]["uri"] = "beside.bin";
@@ -128,7 +128,7 @@ TEST(Container, UrisThatAreNoFilesBesideTheScene) {
 TEST(Container, PipesAndFoldersAreNotWaitedFor) {
   const Folder folder;
   ASSERT_EQ(::mkfifo((folder / "pipe.bin").c_str(), 0600), 0);
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   scene.root["buffers"][0]["uri"] = "pipe.bin";
   EXPECT_EQ(import_path(folder.write("scene.gltf", scene.root.dump())).status.code(), ErrorCode::bad_scene);
   EXPECT_EQ(import_path(folder / ".").status.code(), ErrorCode::bad_scene);
@@ -136,7 +136,7 @@ TEST(Container, PipesAndFoldersAreNotWaitedFor) {
 }
 
 TEST(Container, BufferWithoutData) {
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   EXPECT_EQ(import_bytes(scene.root.dump()).status.code(), ErrorCode::bad_scene);
   scene.root["buffers"][0]["extensions"]["EXT_meshopt_compression"]["fallback"] = true;
   scene.root["extensionsUsed"] = {"EXT_meshopt_compression"};
@@ -146,7 +146,7 @@ TEST(Container, BufferWithoutData) {
 }
 
 TEST(Container, FallbackBufferOfMeshoptIsUsedWhereItHasData) {
-  TestScene scene = small_scene();
+  TestScene scene = contained_scene();
   scene.root["buffers"][0]["extensions"]["EXT_meshopt_compression"]["fallback"] = true;
   scene.root["extensionsUsed"] = {"EXT_meshopt_compression"};
   const Imported imported = import_bytes(scene.text());
