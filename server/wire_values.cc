@@ -44,6 +44,8 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_reads(stats.reads);
   wire.set_stalls(stats.stalls);
   wire.set_mean_read_depth(stats.mean_read_depth);
+  wire.set_rays_expanded(stats.rays_expanded);
+  wire.set_expand_seconds(stats.expand_seconds);
   wire.set_pages_entered(stats.pages_entered);
   wire.set_peak_in_flight(stats.peak_in_flight);
   wire.mutable_peak_bytes_by_tag()->insert(stats.peak_bytes_by_tag.begin(), stats.peak_bytes_by_tag.end());
@@ -79,6 +81,8 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.reads = wire.reads();
   stats.stalls = wire.stalls();
   stats.mean_read_depth = wire.mean_read_depth();
+  stats.rays_expanded = wire.rays_expanded();
+  stats.expand_seconds = wire.expand_seconds();
   stats.pages_entered = wire.pages_entered();
   stats.peak_in_flight = wire.peak_in_flight();
   stats.peak_bytes_by_tag.insert(wire.peak_bytes_by_tag().begin(), wire.peak_bytes_by_tag().end());

@@ -89,6 +89,7 @@ class Engine::Impl {
     traversal::Isa isa;
     traversal::ReadOrder read_order;
     storage::EvictionKind eviction;
+    traversal::Layout layout;
     storage::ReaderKind io;
     unsigned threads;
   };
@@ -127,6 +128,7 @@ class Engine::Impl {
     config.isa = choices_.isa;
     config.read_order = choices_.read_order;
     config.eviction = choices_.eviction;
+    config.layout = choices_.layout;
     config.adversarial = config_.adversarial;
     config.page_trace = config_.page_trace;
     config.io = choices_.io;
@@ -200,13 +202,22 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const traversal::Isa isa, choose_isa(config.isa));
   RAYMILL_ASSIGN_OR_RETURN(const traversal::ReadOrder read_order, traversal::parse_read_order(config.policy));
   RAYMILL_ASSIGN_OR_RETURN(const storage::EvictionKind eviction, storage::parse_eviction(config.eviction));
+  RAYMILL_ASSIGN_OR_RETURN(traversal::Layout layout, traversal::parse_layout(config.layout));
+  if (config.adversarial || config.page_trace) {
+    if (layout == traversal::Layout::expanded) {
+      return {ErrorCode::invalid_argument,
+              "an adversarial schedule and a page trace are about pages; the expanded "
+              "layout has none: leave it out"};
+    }
+    layout = traversal::Layout::compact;
+  }
   RAYMILL_ASSIGN_OR_RETURN(const storage::ReaderKind io, storage::parse_reader_kind(config.io));
   const unsigned threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   if (threads > traversal::kMostThreads || config.max_jobs == 0 || config.max_stores == 0) {
     return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostThreads) +
                                              " threads, and at least one job and one store"};
   }
-  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, eviction, io, threads});
+  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, eviction, layout, io, threads});
   RAYMILL_RETURN_IF_ERROR(impl->claim_base());
   return std::unique_ptr<Engine>(new Engine(std::move(impl)));
 }

@@ -23,6 +23,10 @@ struct EngineConfig {
   /// Which page goes for it: "demand" (the one that the fewest waiting rays will still ask for) or "clock" (one that
   /// was not entered lately). No answer depends on it.
   std::string eviction = "demand";
+  /// How a store stands in memory: "compact" (decoded pages, 24 bytes a triangle), "expanded" (59 bytes, a third to a
+  /// half faster; all of it is read before the first ray) or "auto": expanded where memory is plenty and rays are many
+  /// (expansion.h). No answer depends on it.
+  std::string layout = "auto";
   std::string io = "auto";  ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
   unsigned max_jobs = 1;    ///< jobs at once; each gets its share of the ray memory
   unsigned max_stores = 1;  ///< stores open at once; each gets its share of the page memory

@@ -249,6 +249,7 @@ JobStats EngineJob::stats() const {
   stats.distinct_pages = tracer_->stats_.distinct_pages;
   stats.distinct_bytes = tracer_->stats_.distinct_bytes;
   stats.evictions = tracer_->cache_->evictions();
+  stats.expand_seconds = tracer_->stats_.expand_seconds;
   stats.decode_seconds = tracer_->stats_.decode_seconds;
   stats.idle_seconds = tracer_->stats_.idle_seconds;
   stats.most_in_flight = job_->most_in_flight;

@@ -42,4 +42,16 @@ Kernel find_kernel(Isa isa, const KernelChoice& choice) {
   return scalar::find_kernel(choice);
 }
 
+ExpandedKernel find_expanded_kernel(Isa isa, const KernelChoice& choice) {
+#if defined(__x86_64__)
+  if (isa == Isa::avx512) {
+    return avx512::find_expanded_kernel(choice);
+  }
+  if (isa == Isa::avx2) {
+    return avx2::find_expanded_kernel(choice);
+  }
+#endif
+  return scalar::find_expanded_kernel(choice);
+}
+
 }  // namespace raymill::traversal

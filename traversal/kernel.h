@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "traversal/expanded_tree.h"
 #include "traversal/query.h"
 #include "traversal/ray_state.h"
 
@@ -31,11 +32,21 @@ struct KernelContext {
 /// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.
 using Kernel = void (*)(KernelContext& context, std::span<RayState> rays);
 
+/// What a kernel for the expanded layout reads. Plain data.
+struct ExpandedContext {
+  ExpandedTree::View tree;
+  bool need_normal = false;
+  KernelCounters counters;
+};
+
+/// Thread-safe; no allocation, no lock, no virtual call. Rays start at the root; all are done afterwards.
+using ExpandedKernel = void (*)(ExpandedContext& context, std::span<RayState> rays);
+
 struct KernelChoice {
   Query query = Query::closest;
   Mode mode = Mode::watertight;
   unsigned width = 8;
-  bool wide_stack = true;  ///< 128 bits; 64 suffice where width x levels <= 64
+  bool wide_stack = true;  ///< 128 bits; 64 suffice where width x levels <= 64; the expanded layout knows no stack
 };
 
 enum class Isa : std::uint8_t { scalar, avx2, avx512 };
@@ -44,16 +55,20 @@ std::string_view to_string(Isa isa);
 std::vector<Isa> runnable_isas();
 
 Kernel find_kernel(Isa isa, const KernelChoice& choice);
+ExpandedKernel find_expanded_kernel(Isa isa, const KernelChoice& choice);
 
 /// One table of kernels for each ISA, defined in kernels/.
 namespace scalar {
 Kernel find_kernel(const KernelChoice& choice);
-}
+ExpandedKernel find_expanded_kernel(const KernelChoice& choice);
+}  // namespace scalar
 namespace avx2 {
 Kernel find_kernel(const KernelChoice& choice);
-}
+ExpandedKernel find_expanded_kernel(const KernelChoice& choice);
+}  // namespace avx2
 namespace avx512 {
 Kernel find_kernel(const KernelChoice& choice);
-}
+ExpandedKernel find_expanded_kernel(const KernelChoice& choice);
+}  // namespace avx512
 
 }  // namespace raymill::traversal

@@ -85,6 +85,8 @@ struct JobStats {
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
+  std::uint64_t rays_expanded = 0;                         ///< rays that the expanded layout answered
+  double expand_seconds = 0;                               ///< of all workers, for laying the store out so, once
   std::uint64_t pages_entered = 0;                         ///< times a ray came to a page, or to another part of one
   std::uint64_t rays_parked = 0;                           ///< times a ray waited for a page
   std::uint64_t peak_in_flight = 0;                        ///< rays that were in flight at once

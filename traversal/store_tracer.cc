@@ -7,8 +7,8 @@
 
 #include "storage/pages/codec.h"
 #include "traversal/engine_job.h"
-#include "traversal/lone_page.h"
 #include "traversal/simd/float_mode.h"
+#include "traversal/store_tracer_worker.h"
 #include "traversal/trace_job.h"
 
 namespace raymill::traversal {
@@ -27,27 +27,6 @@ Field kept_fields(const TraceConfig& config) {
 
 }  // namespace
 
-// What a worker owns.
-struct StoreTracer::Worker {
-  Worker(unsigned index_in, const storage::StoreFile& file, const Config& config)
-      : index(index_in), decoder(file.rules(), file.positions(), file.codec()) {
-    if (config.adversarial) {
-      lone_page.emplace(file.rules());
-    }
-    if (config.page_trace) {
-      page_lane.emplace(config.page_trace, file.page_count());
-    }
-    rays.reserve(kBatchRays + kBatchSlack);
-    parked.reserve(kBatchRays + kBatchSlack);
-  }
-  const unsigned index;
-  storage::PageDecoder decoder;
-  std::vector<RayState> rays;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> parked;  // page, index in rays
-  std::optional<LonePage> lone_page;
-  std::optional<PageTrace::Lane> page_lane;
-};
-
 Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const storage::StoreFile> file,
                                                          const Config& config, storage::Ledger& ledger) {
   std::shared_ptr<StoreTracer> tracer(new StoreTracer(std::move(file), config, ledger));
@@ -65,7 +44,7 @@ StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const C
 Status StoreTracer::init() {
   StoreShare share = config_.share;
   share.bytes -= std::min(share.bytes, aside_bytes());
-  RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
+  RAYMILL_RETURN_IF_ERROR(plan_layout(share));
   const unsigned threads = config_.share.threads;
   storage::PageCache::Config cache{file_->page_count(), file_->header().page_bytes, plan_.frame_count, threads};
   cache.eviction = config_.eviction;
@@ -127,6 +106,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   const storage::PageRules rules = file_->rules();
   const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64};
   setup.kernel = find_kernel(config_.isa, choice);
+  setup.expanded_kernel = find_expanded_kernel(config_.isa, choice);
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
                       (choice.wide_stack ? "128" : "64") + "/" + std::string(to_string(config.mode)) + "/" +
                       std::string(to_string(config_.isa));
@@ -142,6 +122,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   plan.window.spill_directory = config_.spill_directory;
 
   const std::lock_guard lock(mutex_);
+  RAYMILL_RETURN_IF_ERROR(layout_status_);
   if (jobs_.size() >= config_.share.max_jobs) {
     return {ErrorCode::busy_retry, file_->path() + ": " + std::to_string(jobs_.size()) +
                                        " jobs are running, as many as there is ray memory for; try again later"};
@@ -155,6 +136,9 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
 }
 
 PageState StoreTracer::state_of(storage::PageId page) const {
+  if (page == root_page() && config_.layout == Layout::expanded) {
+    return PageState::resident;  // its rays wait for the tree
+  }
   return cache_->resident(page) ? PageState::resident : cache_->absent(page) ? PageState::absent : PageState::reading;
 }
 
@@ -169,7 +153,9 @@ void StoreTracer::work(unsigned index) {
     }
     if (!arrivals_.empty()) {
       handle_arrival(worker.index, worker.decoder, lock);
-    } else if (!stalled_) {
+    } else if (can_expand()) {
+      expand_page(worker, lock);
+    } else if (!stalled_ && !waits_for_tree()) {
       if (const auto page = scheduler_.take_ready()) {
         run_batch(worker, *page, lock);
       }
@@ -180,7 +166,8 @@ void StoreTracer::work(unsigned index) {
 
 void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
   const auto something_to_do = [this] {
-    return stopping_ || !arrivals_.empty() || (scheduler_.has_ready() && !stalled_);
+    return stopping_ || !arrivals_.empty() || can_expand() ||
+           (scheduler_.has_ready() && !stalled_ && !waits_for_tree());
   };
   if (something_to_do()) {
     return;
@@ -254,6 +241,8 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   ++job->batches_out;
   storage::PagePin pin = cache_->pin(worker.index);
   const std::byte* image = cache_->find(page);
+  const std::shared_ptr<const ExpandedTree> tree = page == root_page() ? tree_ : nullptr;
+  stats_.rays_at_root += page == root_page() ? batch.count : 0;
   lock.unlock();
 
   const auto begin = Timeline::Clock::now();
@@ -264,21 +253,11 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
     pool.layout().unpack(record, ray);
     ray.page = index_of(page);
   });
-  if (job->future_demand) {
+  if (job->future_demand && image != nullptr) {
     job->future_demand->taken_up(worker.rays, image);
   }
-  KernelContext context;
-  context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
-  context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
-  context.need_normal = has(job->config.fields, Field::normal);
-  job->kernel(context, worker.rays);
-  if (worker.lone_page) {
-    worker.lone_page->settle(worker.rays, image);
-  }
-  if (worker.page_lane) {
-    worker.page_lane->end_batch(index_of(page), cache_->touched());
-  }
-  if (job->future_demand) {
+  const BatchCounters counters = trace_batch(worker, *job, tree.get(), page, image);
+  if (job->future_demand && image != nullptr) {
     job->future_demand->put_back(worker.rays, index_of(page), image);
   }
   pin.release();
@@ -297,10 +276,11 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   --job->batches_out;
   job->waiting->settle(promised);
   job->waiting->pool().release(batch);
-  job->stats.nodes_visited += context.counters.nodes_visited;
-  job->stats.pages_entered += context.counters.pages_entered;
-  job->stats.triangles_tested += context.counters.triangles_tested;
-  if (context.corrupt && job->status.ok()) {
+  job->stats.nodes_visited += counters.kernel.nodes_visited;
+  job->stats.pages_entered += counters.kernel.pages_entered;
+  job->stats.triangles_tested += counters.kernel.triangles_tested;
+  job->stats.rays_expanded += counters.rays_expanded;
+  if (counters.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +
                                            ": has pages whose references do not fit each other; build it "
                                            "again (`raymill verify` names the page)"};

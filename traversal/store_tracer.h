@@ -31,6 +31,7 @@
 #include "storage/io/store_file.h"
 #include "storage/pages/codec.h"
 #include "traversal/budget_plan.h"
+#include "traversal/expansion.h"
 #include "traversal/future_demand.h"
 #include "traversal/group_turns.h"
 #include "traversal/kernel.h"
@@ -60,6 +61,7 @@ class StoreTracer {
     Isa isa = Isa::scalar;
     ReadOrder read_order = ReadOrder::score;
     storage::EvictionKind eviction = storage::EvictionKind::clock;
+    Layout layout = Layout::automatic;
     bool adversarial = false;
     std::shared_ptr<PageTrace> page_trace;  ///< none: nothing is recorded
     storage::ReaderKind io = storage::ReaderKind::automatic;
@@ -88,6 +90,8 @@ class StoreTracer {
     std::uint64_t distinct_pages = 0;
     std::uint64_t distinct_bytes = 0;
     double decode_seconds = 0;
+    double expand_seconds = 0;
+    std::uint64_t rays_at_root = 0;  // that a worker took there
     double idle_seconds = 0;
   };
 
@@ -99,6 +103,18 @@ class StoreTracer {
   [[nodiscard]] std::uint64_t aside_bytes() const;
 
   void work(unsigned index);
+  Status plan_layout(const StoreShare& share);
+  [[nodiscard]] bool can_expand() const;
+  [[nodiscard]] bool waits_for_tree() const { return config_.layout == Layout::expanded && tree_ == nullptr; }
+  void expand_page(Worker& worker, std::unique_lock<std::mutex>& lock);
+  void end_expansion(Result<std::unique_ptr<ExpandedTree>> tree);
+  struct BatchCounters {
+    KernelCounters kernel;
+    std::uint64_t rays_expanded = 0;
+    bool corrupt = false;
+  };
+  BatchCounters trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree, storage::PageId page,
+                            const std::byte* image);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
   void handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
@@ -132,6 +148,9 @@ class StoreTracer {
   std::condition_variable work_wake_;  // workers: something to do
   PageScheduler scheduler_;
   std::unique_ptr<GroupTurns> turns_;
+  std::unique_ptr<Expansion> expansion_;  // none: compact, or done
+  std::shared_ptr<const ExpandedTree> tree_;
+  Status layout_status_;  // why there is no tree, where one was asked for
   std::vector<storage::PageArrival> arrivals_;
   struct Reading {
     storage::FrameLease lease;

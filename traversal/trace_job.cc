@@ -8,6 +8,7 @@ namespace raymill::traversal {
 TraceJob::TraceJob(Setup setup)
     : config(setup.config),
       kernel(setup.kernel),
+      expanded_kernel(setup.expanded_kernel),
       kernel_name(std::move(setup.kernel_name)),
       most_in_flight(setup.most_in_flight),
       future_demand(std::move(setup.future_demand)),

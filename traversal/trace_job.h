@@ -25,6 +25,7 @@ class TraceJob {
   struct Setup {
     TraceConfig config;
     Kernel kernel = nullptr;
+    ExpandedKernel expanded_kernel = nullptr;
     std::string kernel_name;
     std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
@@ -39,6 +40,7 @@ class TraceJob {
   // Set once.
   const TraceConfig config;
   const Kernel kernel;
+  const ExpandedKernel expanded_kernel;
   const std::string kernel_name;
   const std::uint64_t most_in_flight;
   const std::unique_ptr<FutureDemand::Share> future_demand;

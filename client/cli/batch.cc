@@ -130,6 +130,7 @@ void RunStats::add(const JobStats& stats) {
   total_.invalid += before.invalid;
   total_.nodes_visited += before.nodes_visited;
   total_.triangles_tested += before.triangles_tested;
+  total_.rays_expanded += before.rays_expanded;
   total_.pages_entered += before.pages_entered;
   total_.rays_parked += before.rays_parked;
   total_.peak_in_flight = std::max(total_.peak_in_flight, before.peak_in_flight);

@@ -38,6 +38,14 @@ void ServiceOptions::add_to(CLI::App& app) {
              eviction)
       ->type_name("NAME")
       ->check(CLI::IsMember({"clock", "demand"}));
+  app.add_option(
+         "--layout", layout,
+         "How the store stands in memory: compact (pages), expanded (2.5 times the bytes, faster; read whole before "
+         "the "
+         "first ray) or auto (expanded where memory is plenty and rays are many). No answer depends on it. Default " +
+             layout)
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"auto", "compact", "expanded"}));
   app.add_flag("--adversarial", adversarial,
                "For tests: every ray suspends at every node, and a page is evicted when a batch has run there");
   add_io_option(app, io);
@@ -88,6 +96,7 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
     config.isa = options.isa;
     config.policy = options.policy;
     config.eviction = options.eviction;
+    config.layout = options.layout;
     config.adversarial = options.adversarial;
     if (!options.page_trace_path.empty()) {
       RAYMILL_ASSIGN_OR_RETURN(open.page_trace, PageTrace::create(options.page_trace_path));

@@ -36,6 +36,7 @@ struct ServiceOptions {
   std::string isa;
   std::string policy = EngineConfig().policy;
   std::string eviction = EngineConfig().eviction;
+  std::string layout = EngineConfig().layout;
   bool adversarial = false;
   std::string io = "auto";
   std::string server;

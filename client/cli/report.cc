@@ -63,6 +63,8 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"eviction", stats.eviction},
           {"peak_bytes_by_tag", stats.peak_bytes_by_tag},
           {"peak_rss_bytes", stats.peak_rss_bytes},
+          {"rays_expanded", stats.rays_expanded},
+          {"expand_seconds", stats.expand_seconds},
           {"isa", stats.isa},
           {"kernel", stats.kernel},
           {"io", stats.io},

@@ -52,8 +52,8 @@ struct FirstSlotTable {
 };
 inline constexpr FirstSlotTable kFirst;
 
-template <int N>
-unsigned first_slot(const Node<N>& node, unsigned octant, unsigned mask) {
+template <int N, typename NodeOf>
+unsigned first_slot(const NodeOf& node, unsigned octant, unsigned mask) {
   if constexpr (N == 4) {
     octant = (octant >> (node.order & 3) & 1) | (octant >> (node.order >> 2) & 1) << 1;
   }
@@ -61,8 +61,8 @@ unsigned first_slot(const Node<N>& node, unsigned octant, unsigned mask) {
 }
 
 // The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar], and where it begins.
-template <int N>
-[[gnu::always_inline]] inline unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar,
+template <int N, typename NodeOf>
+[[gnu::always_inline]] inline unsigned test_boxes(const NodeOf& node, const RayFrame& ray, float tnear, float tfar,
                                                   std::array<float, N>& entries) {
   auto interval = NearFar<N>::broadcast(tnear, std::numeric_limits<float>::infinity());
   for (int axis = 0; axis < 3; ++axis) {
@@ -371,7 +371,7 @@ class Batch {
     const std::uint32_t first = lane->places[lane->level].node->child[lane->slot];
     for (unsigned mask = lane->candidates; mask != 0; mask &= mask - 1) {
       const int i = std::countr_zero(mask);
-      const Corners corners = corners_of(lane->leaf, i);
+      const Corners corners = lane->leaf.triangle(i);
       Candidate hit;
       if constexpr (kMode == Mode::watertight) {
         if (!woop_decide(lane->frame, corners, hit)) {
@@ -391,14 +391,8 @@ class Batch {
   // Takes the hit if it lies in the interval and before the best so far: by t, then geometry id, then primitive id.
   // True: no other hit is wanted.
   bool offer(RayLane* lane, const Candidate& hit, const Corners& corners, std::uint32_t triangle) {
-    const Interval box = triangle_interval(lane->frame, corners);
-    if (!(box.entry <= box.exit)) {
-      return false;
-    }
-    float t = static_cast<float>(hit.t);
-    t = t < box.entry ? box.entry : t;
-    t = t > box.exit ? box.exit : t;
-    if (!(t >= lane->tnear && t <= lane->tfar)) {
+    float t = 0;
+    if (!clamp_to_box(lane->frame, corners, hit, lane->tnear, lane->tfar, t)) {
       return false;
     }
     RayState& ray = *lane->ray;

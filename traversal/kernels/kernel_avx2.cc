@@ -2,10 +2,12 @@
 #define RAYMILL_ISA avx2
 #include "traversal/simd/avx2.h"
 // The lanes come first: what follows is written on them.
+#include "traversal/kernels/expanded-inl.h"
 #include "traversal/kernels/kernel-inl.h"
 
 namespace raymill::traversal::avx2 {
 
 Kernel find_kernel(const KernelChoice& choice) { return select_kernel(choice); }
+ExpandedKernel find_expanded_kernel(const KernelChoice& choice) { return select_expanded_kernel(choice); }
 
 }  // namespace raymill::traversal::avx2

@@ -47,28 +47,52 @@ inline RayFrame make_frame(const std::array<float, 3>& org, const std::array<flo
   return frame;
 }
 
-/// Up to eight triangles: corner k of triangle i is vertices[index[k][i]]. In a page image indices follow the vertices,
-/// so a float past the last one may be read.
+using Corners = std::array<std::array<float, 3>, 3>;
+
+/// Up to eight triangles of a page: corner k of triangle i is vertices[index[k][i]]. In a page image indices follow the
+/// vertices, so a float past the last one may be read.
 struct LeafBlock {
   const float* vertices;                             // xyz after xyz
   std::array<std::array<std::int32_t, 8>, 3> index;  // of the corner's x in `vertices`
+
+  [[nodiscard]] std::array<Float8, 3> corner(int k) const { return Float8::points(vertices, index[k]); }
+  [[nodiscard]] Corners triangle(int i) const {
+    Corners corners;
+    for (int k = 0; k < 3; ++k) {
+      const float* p = vertices + index[k][i];
+      corners[k] = {p[0], p[1], p[2]};
+    }
+    return corners;
+  }
+};
+
+/// A block of an expanded tree (expanded_tree.h). Rows are loaded whole: what comes after `count` is of other
+/// triangles.
+struct LeafRows {
+  const float* rows;
+  std::uint32_t count;
+
+  [[nodiscard]] std::array<Float8, 3> corner(int k) const {
+    const float* row = rows + 3 * static_cast<std::uint32_t>(k) * count;
+    return {Float8::load(row), Float8::load(row + count), Float8::load(row + 2 * count)};
+  }
+  [[nodiscard]] Corners triangle(int i) const {
+    Corners corners;
+    const float* row = rows + i;
+    for (auto& point : corners) {
+      for (float& x : point) {
+        x = *row;
+        row += count;
+      }
+    }
+    return corners;
+  }
 };
 
 /// A hit before it is compared with the best so far.
 struct Candidate {
   double t = 0, u = 0, v = 0;
 };
-
-using Corners = std::array<std::array<float, 3>, 3>;
-
-inline Corners corners_of(const LeafBlock& leaf, int lane) {
-  Corners corners;
-  for (int k = 0; k < 3; ++k) {
-    const float* p = leaf.vertices + leaf.index[k][lane];
-    corners[k] = {p[0], p[1], p[2]};
-  }
-  return corners;
-}
 
 // Lanes that the float32 edge functions cannot reject.
 //
@@ -81,13 +105,14 @@ inline Corners corners_of(const LeafBlock& leaf, int lane) {
 //
 // Nor lanes whose box ends before tnear or begins after tfar on the axis kz: with the same roundings triangle_interval
 // would find that, and its other axes can only narrow it.
-inline unsigned woop_filter(const RayFrame& ray, const LeafBlock& leaf, float tnear, float tfar) {
+template <typename Leaf>
+unsigned woop_filter(const RayFrame& ray, const Leaf& leaf, float tnear, float tfar) {
   const Float8 ox = Float8::broadcast(ray.org[ray.kx]), oy = Float8::broadcast(ray.org[ray.ky]),
                oz = Float8::broadcast(ray.org[ray.kz]);
   const Float8 sx = Float8::broadcast(ray.sx), sy = Float8::broadcast(ray.sy);
-  const auto a = Float8::points(leaf.vertices, leaf.index[0]);
-  const auto b = Float8::points(leaf.vertices, leaf.index[1]);
-  const auto c = Float8::points(leaf.vertices, leaf.index[2]);
+  const auto a = leaf.corner(0);
+  const auto b = leaf.corner(1);
+  const auto c = leaf.corner(2);
   const Float8 az = a[ray.kz] - oz;
   const Float8 bz = b[ray.kz] - oz;
   const Float8 cz = c[ray.kz] - oz;
@@ -150,11 +175,12 @@ struct Quotients {
 };
 
 /// The triangles whose barycentrics are inside, and the quotients of all.
-inline unsigned moeller_trumbore(const RayFrame& ray, const LeafBlock& leaf, Quotients& out) {
+template <typename Leaf>
+unsigned moeller_trumbore(const RayFrame& ray, const Leaf& leaf, Quotients& out) {
   std::array<Float8, 3> v0, e1, e2, dir, s, p, q;
-  v0 = Float8::points(leaf.vertices, leaf.index[0]);
-  e1 = Float8::points(leaf.vertices, leaf.index[1]);
-  e2 = Float8::points(leaf.vertices, leaf.index[2]);
+  v0 = leaf.corner(0);
+  e1 = leaf.corner(1);
+  e2 = leaf.corner(2);
   for (int axis = 0; axis < 3; ++axis) {
     e1[axis] = e1[axis] - v0[axis];
     e2[axis] = e2[axis] - v0[axis];
@@ -224,6 +250,20 @@ inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
   }
   interval.exit = interval.exit + std::fabs(interval.exit) * kExitPad;
   return interval;
+}
+
+/// The t that a hit counts with: clamped into the triangle's own box, so that no order of tests could tell (slab.h).
+/// False: it is none, or lies outside [tnear, tfar].
+inline bool clamp_to_box(const RayFrame& ray, const Corners& corners, const Candidate& hit, float tnear, float tfar,
+                         float& t) {
+  const Interval box = triangle_interval(ray, corners);
+  if (!(box.entry <= box.exit)) {
+    return false;
+  }
+  t = static_cast<float>(hit.t);
+  t = t < box.entry ? box.entry : t;
+  t = t > box.exit ? box.exit : t;
+  return t >= tnear && t <= tfar;
 }
 
 }  // namespace raymill::traversal::RAYMILL_ISA

@@ -19,6 +19,13 @@ struct Floats {
     r.lane.fill(x);
     return r;
   }
+  static Floats load(const float* from) {
+    Floats r;
+    for (int i = 0; i < N; ++i) {
+      r.lane[i] = from[i];
+    }
+    return r;
+  }
   static Floats from_bytes(const std::uint8_t* bytes) {
     Floats r;
     for (int i = 0; i < N; ++i) {

@@ -16,6 +16,7 @@ template <>
 struct Floats<8> {
   __m256 lanes;
   static Floats broadcast(float x) { return {_mm256_set1_ps(x)}; }
+  static Floats load(const float* from) { return {_mm256_loadu_ps(from)}; }
   static Floats from_bytes(const std::uint8_t* bytes) {
     const __m128i packed = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(bytes));
     return {_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(packed))};
@@ -53,6 +54,7 @@ template <>
 struct Floats<4> {
   __m128 lanes;
   static Floats broadcast(float x) { return {_mm_set1_ps(x)}; }
+  static Floats load(const float* from) { return {_mm_loadu_ps(from)}; }
   static Floats from_bytes(const std::uint8_t* bytes) {
     return {_mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_loadu_si32(bytes)))};
   }

@@ -23,9 +23,9 @@ import support  # noqa: E402
 
 COHERENT = ["primary", "shadow"]
 KINDS = {"closest": ["primary", "bounce", "bounce-shuffled"], "any": ["shadow", "ao", "ao-shuffled"]}
-TRACERS = ["kernel", "sort+kernel", "engine", "embree1", "sort+embree1", "embree8", "embree16", "sort+embree16",
+TRACERS = ["expanded", "sort+expanded", "compact", "sort+compact", "engine", "embree1", "sort+embree1", "embree8", "embree16", "sort+embree16",
            "embree-stream"]
-OURS = ["kernel", "sort+kernel"]
+OURS = ["expanded", "sort+expanded", "compact", "sort+compact"]
 SINGLE, SORTED, PACKETS = ["embree1"], ["sort+embree1"], ["embree16", "embree-stream"]
 # What is set beside our best: name, whose kinds, which peers.
 MEANS = [("incoherent closest / embree1", ["bounce-shuffled"], SINGLE),
@@ -72,7 +72,7 @@ class InCore:
         line["kind"] = kind
         if done.returncode == 1:
             different = {name: its["different"] for name, its in line["tracers"].items() if its["different"]}
-            self.problems.append(f"{line['name']}: hits differ from the kernels': {different}")
+            self.problems.append(f"{line['name']}: hits differ from ours: {different}")
         return line
 
     def run(self):

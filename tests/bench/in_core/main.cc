@@ -192,7 +192,7 @@ Result<Scene> load(const Options& options) {
   return scene;
 }
 
-// The kernels come first: the others' ratios are to them.
+// The kernels for the expanded layout come first: the others' ratios are to them.
 std::vector<Tracer> tracers_of(const Scene& scene, const Options& options, traversal::KernelCounters& counters) {
   std::vector<Tracer> tracers;
   const auto add = [&](const std::string& name, bool is_ours, bool is_sorted_too, auto trace) {
@@ -205,9 +205,12 @@ std::vector<Tracer> tracers_of(const Scene& scene, const Options& options, trave
                          }});
     }
   };
-  add("kernel", true, true, [&](std::span<const Ray> rays, std::span<Hit> hits) -> Status {
-    RAYMILL_ASSIGN_OR_RETURN(counters, scene.store.trace(scene.run, rays, hits));
+  add("expanded", true, true, [&](std::span<const Ray> rays, std::span<Hit> hits) -> Status {
+    RAYMILL_ASSIGN_OR_RETURN(counters, scene.store.trace_expanded(scene.run, rays, hits));
     return {};
+  });
+  add("compact", true, true, [&](std::span<const Ray> rays, std::span<Hit> hits) {
+    return scene.store.trace(scene.run, rays, hits).status();
   });
   if (scene.embree) {
     constexpr std::pair<const char*, EmbreeCall> kCalls[] = {{"embree1", EmbreeCall::single},

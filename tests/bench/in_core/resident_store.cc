@@ -22,12 +22,15 @@ Result<ResidentStore> ResidentStore::load(const std::string& path) {
       file.read_buffer_bytes());
   storage::PageDecoder decoder(file.rules(), file.positions(), file.codec());
   const std::vector<std::uint32_t> demand(file.page_count());
+  RAYMILL_ASSIGN_OR_RETURN(const auto expander, traversal::TreeExpander::create(file, *store.ledger_));
   for (std::uint32_t page = 0; page < file.page_count(); ++page) {
     const auto lease = store.cache_->begin_read(PageId{page}, {demand, {}});
     RAYMILL_ASSIGN_OR_RETURN(const auto encoded, file.read_page(PageId{page}, buffer));
     RAYMILL_ASSIGN_OR_RETURN([[maybe_unused]] const auto bytes, decoder.decode(encoded, lease->bytes));
+    RAYMILL_RETURN_IF_ERROR(expander->add(PageId{page}, lease->bytes.data()));
     store.cache_->publish(*lease);
   }
+  RAYMILL_ASSIGN_OR_RETURN(store.expanded_, expander->finish());
   return store;
 }
 
@@ -49,24 +52,48 @@ void ResidentStore::begin(std::span<const Ray> rays, std::vector<RayState>& stat
   }
 }
 
+namespace {
+
+// Batch by batch, as the engine does.
+template <typename TraceBatch>
+void in_batches(std::size_t batch_rays, std::span<const Ray> rays, std::span<Hit> hits, TraceBatch&& trace_batch) {
+  std::vector<RayState> batch;
+  for (std::size_t first = 0; first < rays.size(); first += batch_rays) {
+    const std::size_t count = std::min(batch_rays, rays.size() - first);
+    trace_batch(rays.subspan(first, count), batch);
+    for (std::size_t i = 0; i < count; ++i) {
+      hits[first + i] = batch[i].has_hit ? batch[i].hit : Hit{};
+    }
+  }
+}
+
+}  // namespace
+
 Result<traversal::KernelCounters> ResidentStore::trace(const Run& run, std::span<const Ray> rays,
                                                        std::span<Hit> hits) const {
   const traversal::Kernel traces = kernel(run);
   traversal::KernelContext context;
   context.images = cache_->images();
   context.touched = cache_->touched();
-  std::vector<RayState> batch;
-  for (std::size_t first = 0; first < rays.size(); first += run.batch_rays) {
-    const std::size_t count = std::min(run.batch_rays, rays.size() - first);
-    this->begin(rays.subspan(first, count), batch);
+  in_batches(run.batch_rays, rays, hits, [&](std::span<const Ray> some, std::vector<RayState>& batch) {
+    begin(some, batch);
     traces(context, batch);
-    for (std::size_t i = 0; i < count; ++i) {
-      hits[first + i] = batch[i].has_hit ? batch[i].hit : Hit{};
-    }
-  }
+  });
   if (context.corrupt) {
     return {ErrorCode::corrupt, file_->path() + ": has pages whose references do not fit each other"};
   }
+  return context.counters;
+}
+
+Result<traversal::KernelCounters> ResidentStore::trace_expanded(const Run& run, std::span<const Ray> rays,
+                                                                std::span<Hit> hits) const {
+  const auto traces = find_expanded_kernel(run.isa, {run.query, run.mode, width()});
+  traversal::ExpandedContext context;
+  context.tree = expanded_->view();
+  in_batches(run.batch_rays, rays, hits, [&](std::span<const Ray> some, std::vector<RayState>& batch) {
+    begin(some, batch);
+    traces(context, batch);
+  });
   return context.counters;
 }
 

@@ -24,6 +24,11 @@ class ResidentStore {
   };
   /// Traces valid rays by the kernel alone; hits[i] is ray i's. Thread-confined.
   Result<traversal::KernelCounters> trace(const Run& run, std::span<const Ray> rays, std::span<Hit> hits) const;
+  /// The same by the expanded layout's kernels.
+  Result<traversal::KernelCounters> trace_expanded(const Run& run, std::span<const Ray> rays,
+                                                   std::span<Hit> hits) const;
+  /// Its bytes.
+  [[nodiscard]] std::uint64_t expanded_bytes() const { return traversal::ExpandedTree::bytes(*file_); }
   /// States of rays at the root, [rays.size()].
   void begin(std::span<const Ray> rays, std::vector<traversal::RayState>& states) const;
   [[nodiscard]] traversal::Kernel kernel(const Run& run) const;
@@ -38,6 +43,7 @@ class ResidentStore {
   std::unique_ptr<storage::Ledger> ledger_;
   std::shared_ptr<const storage::StoreFile> file_;
   std::unique_ptr<storage::PageCache> cache_;
+  std::unique_ptr<traversal::ExpandedTree> expanded_;
 };
 
 }  // namespace raymill::bench

@@ -1,0 +1,141 @@
+// StoreTracer, its layouts: which one the budget allows, the way from one to the other, and a batch's kernels.
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "traversal/store_tracer.h"
+#include "traversal/store_tracer_worker.h"
+#include "traversal/trace_job.h"
+
+namespace raymill::traversal {
+namespace {
+
+// For each job, beside two layouts of the store: fewer would make rays wait for memory that a layout took.
+constexpr std::uint64_t kPlentyJobBytes = 32 << 20;
+
+// A ray that begins: the expanded layout knows no other.
+bool begins(const RayState& ray, std::uint32_t root_node) {
+  return ray.level == 0 && ray.node == root_node && ray.resume == Resume::enter &&
+         (ray.stack.words[0] | ray.stack.words[1]) == 0;
+}
+
+}  // namespace
+
+// Plans the pages' budget, with what the expanded layout needs set aside where there is to be one.
+Status StoreTracer::plan_layout(const StoreShare& share) {
+  const bool possible = config_.layout != Layout::compact && ExpandedTree::possible(*file_);
+  const std::uint64_t bytes = possible ? Expansion::bytes(*file_, share.threads) : 0;
+  StoreShare rest = share;
+  rest.bytes -= std::min(rest.bytes, bytes);
+  const std::uint64_t least = least_share_bytes(*file_, share.threads, share.max_jobs);
+  if (config_.layout == Layout::expanded) {
+    if (!possible) {
+      return {ErrorCode::unsupported, file_->path() +
+                                          ": has more triangles than the expanded layout can hold; use "
+                                          "--layout auto"};
+    }
+    if (rest.bytes < least) {
+      return {ErrorCode::budget_exceeded, file_->path() + ": the expanded layout needs " +
+                                              storage::format_bytes(bytes + least) + " beside the process itself, " +
+                                              storage::format_bytes(share.bytes) +
+                                              " left; raise --memory or use --layout auto"};
+    }
+    RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, rest));
+  } else if (bool plenty = possible && rest.bytes >= least; plenty) {
+    RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, rest));
+    plenty = plan_.frame_count == file_->page_count() && plan_.job_bytes >= kPlentyJobBytes;
+    if (!plenty) {
+      RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
+      return {};
+    }
+  } else {
+    RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
+    return {};
+  }
+  RAYMILL_ASSIGN_OR_RETURN(expansion_, Expansion::create(*file_, share.threads, ledger_));
+  return {};
+}
+
+bool StoreTracer::can_expand() const {
+  return expansion_ && expansion_->has_pages() && !jobs_.empty() &&
+         (config_.layout == Layout::expanded || stats_.rays_at_root >= file_->footer().triangle_count);
+}
+
+void StoreTracer::expand_page(Worker& worker, std::unique_lock<std::mutex>& lock) {
+  const storage::PageId page = expansion_->take();
+  storage::PagePin pin = cache_->pin(worker.index);
+  const std::byte* image = cache_->find(page);
+  lock.unlock();
+  const auto begin = Timeline::Clock::now();
+  const Status status = expansion_->expand(worker.index, page, worker.decoder, image);
+  const double seconds = std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
+  pin.release();
+  if (config_.timeline) {
+    config_.timeline->span(worker.index, "expand", begin, "page", index_of(page));
+  }
+  lock.lock();
+  stats_.expand_seconds += seconds;
+  if (expansion_->settle(status)) {
+    lock.unlock();
+    auto tree = expansion_->finish();
+    lock.lock();
+    end_expansion(std::move(tree));
+  } else if (expansion_->abandoned()) {
+    end_expansion(expansion_->status());
+  }
+}
+
+// Without a tree rays go on through pages, where damage shows when a ray comes to it; unless the tree was asked for.
+void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
+  expansion_.reset();
+  if (tree) {
+    tree_ = std::move(*tree);
+  } else if (config_.layout == Layout::expanded) {
+    layout_status_ = tree.status();
+    const auto jobs = jobs_;  // remove_job changes the list
+    for (const auto& job : jobs) {
+      job->status = job->status.ok() ? layout_status_ : job->status;
+      remove_job(*job);
+      job->changed.notify_all();
+    }
+  }
+  work_wake_.notify_all();
+}
+
+// Runs worker.rays. `tree`: of rays that begin, where there is one.
+StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree,
+                                                    storage::PageId page, const std::byte* image) {
+  BatchCounters counters;
+  const bool need_normal = has(job.config.fields, Field::normal);
+  std::span<RayState> rays = worker.rays;
+  if (tree != nullptr) {
+    const auto others = std::partition(rays.begin(), rays.end(),
+                                       [this](const RayState& ray) { return begins(ray, file_->footer().root_node); });
+    ExpandedContext context{tree->view(), need_normal, {}};
+    counters.rays_expanded = static_cast<std::uint64_t>(others - rays.begin());
+    job.expanded_kernel(context, rays.first(counters.rays_expanded));
+    counters.kernel = context.counters;
+    rays = rays.subspan(counters.rays_expanded);
+    if (rays.empty()) {
+      return counters;
+    }
+  }
+  KernelContext context;
+  context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
+  context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
+  context.need_normal = need_normal;
+  job.kernel(context, rays);
+  if (worker.lone_page) {
+    worker.lone_page->settle(rays, image);
+  }
+  if (worker.page_lane) {
+    worker.page_lane->end_batch(index_of(page), cache_->touched());
+  }
+  counters.kernel.nodes_visited += context.counters.nodes_visited;
+  counters.kernel.pages_entered += context.counters.pages_entered;
+  counters.kernel.triangles_tested += context.counters.triangles_tested;
+  counters.corrupt = context.corrupt;
+  return counters;
+}
+
+}  // namespace raymill::traversal
