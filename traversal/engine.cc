@@ -90,6 +90,7 @@ class Engine::Impl {
     traversal::ReadOrder read_order;
     storage::EvictionKind eviction;
     traversal::Layout layout;
+    traversal::SortRays sort_rays;
     storage::ReaderKind io;
     unsigned threads;
   };
@@ -129,6 +130,7 @@ class Engine::Impl {
     config.read_order = choices_.read_order;
     config.eviction = choices_.eviction;
     config.layout = choices_.layout;
+    config.sort_rays = choices_.sort_rays;
     config.adversarial = config_.adversarial;
     config.page_trace = config_.page_trace;
     config.io = choices_.io;
@@ -203,6 +205,7 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const traversal::ReadOrder read_order, traversal::parse_read_order(config.policy));
   RAYMILL_ASSIGN_OR_RETURN(const storage::EvictionKind eviction, storage::parse_eviction(config.eviction));
   RAYMILL_ASSIGN_OR_RETURN(traversal::Layout layout, traversal::parse_layout(config.layout));
+  RAYMILL_ASSIGN_OR_RETURN(const traversal::SortRays sort_rays, traversal::parse_sort_rays(config.sort_rays));
   if (config.adversarial || config.page_trace) {
     if (layout == traversal::Layout::expanded) {
       return {ErrorCode::invalid_argument,
@@ -217,7 +220,7 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineConfig& config) {
     return {ErrorCode::invalid_argument, "an engine takes 1 to " + std::to_string(traversal::kMostThreads) +
                                              " threads, and at least one job and one store"};
   }
-  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, eviction, layout, io, threads});
+  auto impl = std::make_shared<Impl>(config, Impl::Choices{isa, read_order, eviction, layout, sort_rays, io, threads});
   RAYMILL_RETURN_IF_ERROR(impl->claim_base());
   return std::unique_ptr<Engine>(new Engine(std::move(impl)));
 }

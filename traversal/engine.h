@@ -27,6 +27,10 @@ struct EngineConfig {
   /// half faster; all of it is read before the first ray) or "auto": expanded where memory is plenty and rays are many
   /// (expansion.h). No answer depends on it.
   std::string layout = "auto";
+  /// Whether the rays of a push (each 64 Ki of them) are traced sorted in space (ray_order.h): "never", "always", or
+  /// "auto": where they are scattered and the store, in memory, is larger than caches are. Hits come in the rays' own
+  /// order all the same, and no answer depends on it.
+  std::string sort_rays = "auto";
   std::string io = "auto";  ///< page reads by "uring" or "pread"; "auto": io_uring where the kernel allows it
   unsigned max_jobs = 1;    ///< jobs at once; each gets its share of the ray memory
   unsigned max_stores = 1;  ///< stores open at once; each gets its share of the page memory

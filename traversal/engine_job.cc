@@ -64,24 +64,31 @@ void EngineJob::cancel() {
 Status EngineJob::push(std::span<const Ray> rays) {
   const IeeeScope ieee;
   while (!rays.empty()) {
-    const std::size_t count = std::min(rays.size(), kPieceRays);
-    RAYMILL_RETURN_IF_ERROR(push_some(rays.first(count)));
-    rays = rays.subspan(count);
+    RAYMILL_ASSIGN_OR_RETURN(const Numbered some, take_in(rays));
+    const bool sorted = tracer_->sorts(some.rays);
+    const auto order = sorted ? order_.sort(some.rays) : std::span<const std::uint32_t>();
+    for (std::size_t first = 0; first < some.rays.size(); first += kPieceRays) {
+      RAYMILL_RETURN_IF_ERROR(push_piece(some, order, first, std::min(kPieceRays, some.rays.size() - first)));
+    }
+    rays = rays.subspan(some.rays.size());
   }
   return {};
 }
 
 // What becomes of some rays of a push.
 struct EngineJob::Piece {
-  std::uint32_t first_number = 0;
   std::uint32_t rays = 0;
   std::uint32_t valid = 0;             // with a record each, one after the other
   std::vector<std::uint32_t> invalid;  // numbers
 };
 
-// Waits until a ray more may be in flight, has a number and finds room where it waits. Once there are as many as may
-// be, it waits until there is place for many: rays are taken in by the many, as pages are read for many at a time.
-Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
+// Waits until a ray more may be in flight and has a number, and gives as many as may be their numbers. Once there are
+// as many as may be, it waits until there is place for many: rays are taken in by the many, as pages are read for many.
+Result<EngineJob::Numbered> EngineJob::take_in(std::span<const Ray> rays) {
+  std::unique_lock lock(tracer_->mutex_);
+  if (job_->finished) {
+    return {ErrorCode::invalid_argument, "rays were pushed after finish()"};
+  }
   ResultWindow& window = *job_->window;
   while (job_->status.ok()) {
     if (window.room() == 0) {
@@ -92,8 +99,27 @@ Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
       (void)window.begin_slot();
     }
     job_->push_blocked = !job_->place_for_one() || (job_->push_blocked && !job_->place_for_many());
-    job_->push_needs_room = !job_->push_blocked && !tracer_->has_room(*job_);
-    if (!job_->push_blocked && !job_->push_needs_room) {
+    if (!job_->push_blocked) {
+      const auto count =
+          std::min<std::uint64_t>({rays.size(), window.room(), job_->most_in_flight - job_->in_flight(), kSortedRays});
+      if (job_->rays_pushed == 0) {
+        job_->first_push = TraceJob::Clock::now();
+      }
+      const Numbered taken{rays.first(count), window.next_number()};
+      window.add(static_cast<std::uint32_t>(count));
+      return taken;
+    }
+    tracer_->pump_reads();
+    job_->changed.wait(lock);
+  }
+  return job_->status;
+}
+
+// Waits until rays find room where they wait.
+Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
+  while (job_->status.ok()) {
+    job_->push_needs_room = !tracer_->has_room(*job_);
+    if (!job_->push_needs_room) {
       return {};
     }
     tracer_->pump_reads();
@@ -103,14 +129,19 @@ Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   return job_->status;
 }
 
-// Makes records of the rays; without the lock.
-void EngineJob::pack(std::span<const Ray> rays, Piece& piece) {
+// Makes records of `count` of the rays from the first on, in `order` where there is one; without the lock.
+EngineJob::Piece EngineJob::pack(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first,
+                                 std::size_t count) {
   const storage::StoreFooter& footer = tracer_->file().footer();
   const RecordLayout& layout = job_->waiting->pool().layout();
-  records_.resize(rays.size() * layout.most_bytes());
+  Piece piece;
+  piece.rays = static_cast<std::uint32_t>(count);
+  records_.resize(count * layout.most_bytes());
   std::size_t at = 0;
-  for (const Ray& ray : rays) {
-    const std::uint32_t number = piece.first_number + piece.rays++;
+  for (std::size_t i = first; i < first + count; ++i) {
+    const auto index = order.empty() ? static_cast<std::uint32_t>(i) : order[i];
+    const Ray& ray = some.rays[index];
+    const std::uint32_t number = some.first_number + index;
     if (!TraceJob::valid(ray)) {
       piece.invalid.push_back(number);
       continue;
@@ -126,16 +157,12 @@ void EngineJob::pack(std::span<const Ray> rays, Piece& piece) {
     at += layout.pack(state, records_.data() + at);
     ++piece.valid;
   }
+  return piece;
 }
 
 // Puts the records into the root page's queue and answers the invalid rays.
 Status EngineJob::enqueue(const Piece& piece) {
-  const auto now = TraceJob::Clock::now();
-  if (job_->rays_pushed == 0) {
-    job_->first_push = now;
-  }
-  job_->last_push = now;
-  job_->window->add(piece.rays);
+  job_->last_push = TraceJob::Clock::now();
   job_->rays_pushed += piece.rays;
   job_->stats.peak_in_flight = std::max(job_->stats.peak_in_flight, job_->in_flight());
   Hit unanswered;
@@ -159,36 +186,27 @@ Status EngineJob::enqueue(const Piece& piece) {
   return {};
 }
 
-Status EngineJob::push_some(std::span<const Ray> rays) {
-  while (!rays.empty()) {
-    std::unique_lock lock(tracer_->mutex_);
-    if (job_->finished) {
-      return {ErrorCode::invalid_argument, "rays were pushed after finish()"};
-    }
-    RAYMILL_RETURN_IF_ERROR(make_room(lock));
-    Piece piece;
-    piece.first_number = job_->window->next_number();
-    const auto count =
-        std::min<std::uint64_t>({rays.size(), job_->window->room(), job_->most_in_flight - job_->in_flight()});
-    job_->waiting->promise(RaySpiller::kPushChunks);
-    lock.unlock();
+Status EngineJob::push_piece(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first,
+                             std::size_t count) {
+  std::unique_lock lock(tracer_->mutex_);
+  RAYMILL_RETURN_IF_ERROR(make_room(lock));
+  job_->waiting->promise(RaySpiller::kPushChunks);
+  lock.unlock();
 
-    pack(rays.first(count), piece);
+  const Piece piece = pack(some, order, first, count);
 
-    lock.lock();
-    job_->waiting->settle(RaySpiller::kPushChunks);
-    if (!job_->status.ok()) {
-      return job_->status;
-    }
-    if (Status status = enqueue(piece); !status.ok()) {
-      job_->status = status;
-      end(lock, status);
-      return status;
-    }
-    lock.unlock();
-    tracer_->work_wake_.notify_one();
-    rays = rays.subspan(count);
+  lock.lock();
+  job_->waiting->settle(RaySpiller::kPushChunks);
+  if (!job_->status.ok()) {
+    return job_->status;
   }
+  if (Status status = enqueue(piece); !status.ok()) {
+    job_->status = status;
+    end(lock, status);
+    return status;
+  }
+  lock.unlock();
+  tracer_->work_wake_.notify_one();
   return {};
 }
 

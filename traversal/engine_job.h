@@ -30,15 +30,22 @@ class EngineJob final : public Job {
  private:
   class ChunkOwner;
   struct Piece;
+  /// Rays whose numbers follow each other.
+  struct Numbered {
+    std::span<const Ray> rays;
+    std::uint32_t first_number = 0;
+  };
+  Result<Numbered> take_in(std::span<const Ray> rays);
   Status make_room(std::unique_lock<std::mutex>& lock);
-  void pack(std::span<const Ray> rays, Piece& piece);
+  Piece pack(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);
   Status enqueue(const Piece& piece);
-  Status push_some(std::span<const Ray> rays);
+  Status push_piece(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);
   void end(std::unique_lock<std::mutex>& lock, const Status& status);
 
   std::shared_ptr<StoreTracer> tracer_;
   std::shared_ptr<TraceJob> job_;
   std::vector<std::byte> records_;  // of one piece of a push
+  RayOrder order_;
 };
 
 }  // namespace raymill::traversal

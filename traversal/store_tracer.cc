@@ -44,7 +44,7 @@ StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const C
 Status StoreTracer::init() {
   StoreShare share = config_.share;
   share.bytes -= std::min(share.bytes, aside_bytes());
-  RAYMILL_RETURN_IF_ERROR(plan_layout(share));
+  RAYMILL_RETURN_IF_ERROR(plan_memory(share));
   const unsigned threads = config_.share.threads;
   storage::PageCache::Config cache{file_->page_count(), file_->header().page_bytes, plan_.frame_count, threads};
   cache.eviction = config_.eviction;

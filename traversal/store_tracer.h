@@ -21,6 +21,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -37,6 +38,7 @@
 #include "traversal/kernel.h"
 #include "traversal/page_scheduler.h"
 #include "traversal/page_trace.h"
+#include "traversal/ray_order.h"
 #include "traversal/ray_spiller.h"
 #include "traversal/service.h"
 #include "traversal/timeline.h"
@@ -51,6 +53,8 @@ constexpr std::uint32_t kBatchRays = 512;
 constexpr unsigned kMostThreads = 256;  ///< workers of one store
 /// Chunks are taken out whole: a batch may have the rays of one more.
 constexpr std::uint32_t kBatchSlack = RayPool::records_per_chunk(RecordLayout::kLeastBytes);
+/// Rays of a push that are sorted together.
+constexpr std::size_t kSortedRays = std::size_t{64} << 10;
 /// A batch, and the order in which its rays are parked.
 constexpr std::uint64_t kWorkerBytes = (kBatchRays + kBatchSlack) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
 
@@ -62,6 +66,7 @@ class StoreTracer {
     ReadOrder read_order = ReadOrder::score;
     storage::EvictionKind eviction = storage::EvictionKind::clock;
     Layout layout = Layout::automatic;
+    SortRays sort_rays = SortRays::automatic;
     bool adversarial = false;
     std::shared_ptr<PageTrace> page_trace;  ///< none: nothing is recorded
     storage::ReaderKind io = storage::ReaderKind::automatic;
@@ -103,7 +108,9 @@ class StoreTracer {
   [[nodiscard]] std::uint64_t aside_bytes() const;
 
   void work(unsigned index);
+  Status plan_memory(const StoreShare& share);
   Status plan_layout(const StoreShare& share);
+  [[nodiscard]] bool sorts(std::span<const Ray> rays) const;
   [[nodiscard]] bool can_expand() const;
   [[nodiscard]] bool waits_for_tree() const { return config_.layout == Layout::expanded && tree_ == nullptr; }
   void expand_page(Worker& worker, std::unique_lock<std::mutex>& lock);
@@ -140,6 +147,7 @@ class StoreTracer {
   const Config config_;
   storage::Ledger& ledger_;
   storage::BudgetReservation workers_claim_;
+  storage::BudgetReservation order_claim_;  // empty: rays are taken as they come
   BudgetPlan plan_;
   std::unique_ptr<storage::PageCache> cache_;
   std::shared_ptr<FutureDemand> future_demand_;  // none: eviction does not ask for it

@@ -13,6 +13,9 @@ namespace {
 // For each job, beside two layouts of the store: fewer would make rays wait for memory that a layout took.
 constexpr std::uint64_t kPlentyJobBytes = 32 << 20;
 
+// Sorting costs more than it brings where all that rays read stays in the caches.
+constexpr std::uint64_t kLeastSortedStore = 64 << 20;
+
 // A ray that begins: the expanded layout knows no other.
 bool begins(const RayState& ray, std::uint32_t root_node) {
   return ray.level == 0 && ray.node == root_node && ray.resume == Resume::enter &&
@@ -20,6 +23,29 @@ bool begins(const RayState& ray, std::uint32_t root_node) {
 }
 
 }  // namespace
+
+// Plans what everything gets. Rays are sorted where they do not wait for pages, which bring those of a place together
+// anyway.
+Status StoreTracer::plan_memory(const StoreShare& share) {
+  const std::uint64_t order_bytes = config_.share.max_jobs * RayOrder::bytes(kSortedRays);
+  const bool always = config_.sort_rays == SortRays::always;
+  const bool may = config_.sort_rays == SortRays::automatic && file_->footer().decoded_bytes >= kLeastSortedStore &&
+                   share.bytes >= file_->footer().decoded_bytes;
+  if (!always && !may) {
+    return plan_layout(share);
+  }
+  StoreShare rest = share;
+  rest.bytes -= std::min(rest.bytes, order_bytes);
+  if (const Status status = plan_layout(rest); !status.ok()) {
+    return always ? status : plan_layout(share);
+  }
+  const bool stays = plan_.frame_count == file_->page_count() || config_.layout == Layout::expanded;
+  if (!always && !stays) {
+    return plan_layout(share);
+  }
+  RAYMILL_ASSIGN_OR_RETURN(order_claim_, ledger_.claim(storage::Tag::rays, order_bytes));
+  return {};
+}
 
 // Plans the pages' budget, with what the expanded layout needs set aside where there is to be one.
 Status StoreTracer::plan_layout(const StoreShare& share) {
@@ -54,6 +80,10 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
   }
   RAYMILL_ASSIGN_OR_RETURN(expansion_, Expansion::create(*file_, share.threads, ledger_));
   return {};
+}
+
+bool StoreTracer::sorts(std::span<const Ray> rays) const {
+  return order_claim_.bytes() > 0 && (config_.sort_rays == SortRays::always || RayOrder::is_scattered(rays));
 }
 
 bool StoreTracer::can_expand() const {

@@ -46,6 +46,14 @@ void ServiceOptions::add_to(CLI::App& app) {
              layout)
       ->type_name("NAME")
       ->check(CLI::IsMember({"auto", "compact", "expanded"}));
+  app.add_option(
+         "--sort-rays", sort_rays,
+         "Whether rays are traced sorted in space: auto (where they are scattered and the store in memory is larger "
+         "than "
+         "the caches), never or always. Hits come in the rays' own order, and no answer depends on it. Default " +
+             sort_rays)
+      ->type_name("WHEN")
+      ->check(CLI::IsMember({"auto", "never", "always"}));
   app.add_flag("--adversarial", adversarial,
                "For tests: every ray suspends at every node, and a page is evicted when a batch has run there");
   add_io_option(app, io);
@@ -97,6 +105,7 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
     config.policy = options.policy;
     config.eviction = options.eviction;
     config.layout = options.layout;
+    config.sort_rays = options.sort_rays;
     config.adversarial = options.adversarial;
     if (!options.page_trace_path.empty()) {
       RAYMILL_ASSIGN_OR_RETURN(open.page_trace, PageTrace::create(options.page_trace_path));

@@ -37,6 +37,7 @@ struct ServiceOptions {
   std::string policy = EngineConfig().policy;
   std::string eviction = EngineConfig().eviction;
   std::string layout = EngineConfig().layout;
+  std::string sort_rays = EngineConfig().sort_rays;
   bool adversarial = false;
   std::string io = "auto";
   std::string server;

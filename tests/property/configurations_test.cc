@@ -23,8 +23,9 @@ struct Configuration {
     return "width " + std::to_string(build.width) + ", pages of " + std::to_string(build.page_bytes) + ", codec " +
            build.codec + ", positions " + build.positions + ", built by " + std::to_string(build.threads) +
            " threads; " + setup.engine.isa + ", " + std::to_string(setup.engine.threads) + " threads, " +
-           (least ? "least" : "plenty of") + " memory, layout " + setup.engine.layout + ", pushes of " +
-           std::to_string(setup.push_rays) + ", fields " + to_string(setup.trace.fields);
+           (least ? "least" : "plenty of") + " memory, layout " + setup.engine.layout + ", sorting " +
+           setup.engine.sort_rays + ", pushes of " + std::to_string(setup.push_rays) + ", fields " +
+           to_string(setup.trace.fields);
   }
 };
 
@@ -39,6 +40,7 @@ Configuration draw(Random& random) {
   c.setup.engine.isa = isas[random.below(static_cast<std::uint32_t>(isas.size()))];
   c.setup.engine.threads = pick(random, {1u, 2u, 4u});
   c.setup.engine.layout = pick<std::string>(random, {"auto", "compact", "expanded"});
+  c.setup.engine.sort_rays = pick<std::string>(random, {"auto", "never", "always"});
   c.setup.push_rays = pick<std::size_t>(random, {0, 1, 97, 1024, 3000});
   c.setup.trace.fields = random.below(2) == 0 ? Field::all : Field(1 + random.below(63));
   c.least = c.setup.engine.layout != "expanded" && random.below(2) == 0;

@@ -24,10 +24,10 @@
 #include "client/cli/ray_file.h"
 #include "storage/base/quotes.h"
 #include "tests/bench/in_core/embree_calls.h"
-#include "tests/bench/in_core/ray_order.h"
 #include "tests/bench/in_core/resident_store.h"
 #include "tests/support/embree_files.h"
 #include "traversal/engine.h"
+#include "traversal/ray_order.h"
 #include "traversal/simd/float_mode.h"
 
 namespace raymill::bench {
@@ -57,6 +57,23 @@ struct Options {
   double most_different = 1e-3;
   std::size_t most_rays = std::numeric_limits<std::size_t>::max();
 };
+
+// Traces rays in sorted order by trace(rays, hits) and puts the hits where they belong.
+template <typename Trace>
+auto trace_sorted(std::span<const Ray> rays, std::span<Hit> hits, Trace&& trace) {
+  traversal::RayOrder sorter;
+  const auto order = sorter.sort(rays);
+  std::vector<Ray> sorted(rays.size());
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    sorted[i] = rays[order[i]];
+  }
+  std::vector<Hit> found(rays.size());
+  auto result = trace(std::span<const Ray>(sorted), std::span<Hit>(found));
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    hits[order[i]] = found[i];
+  }
+  return result;
+}
 
 /// One way to trace rays.
 struct Tracer {
