@@ -143,12 +143,30 @@ float largest(const Corners& c) {
   return most;
 }
 
+float lowest_bit(float x) {
+  int exponent = 0;
+  const auto digits = static_cast<std::int32_t>(std::ldexp(std::frexp(x, &exponent), 24));
+  return std::ldexp(float(digits & -digits), exponent - 24);
+}
+
+// Along an axis from 2^24 lowest bits away: t has 25 bits, a tie between two floats, where the target is met exactly.
+Ray line_to_a_tie(Random& random, const Vec3f& target) {
+  const auto axis = int(random.below(3));
+  Vec3f org = target, dir;
+  const float digits = float((1U << 23) + random.below(1U << 23)), step = 2 * lowest_bit(target[axis]);
+  org[axis] = random.below(2) == 0 ? digits * step : -digits * step;
+  dir[axis] = org[axis] < 0 ? 1.0F : -1.0F;
+  return {{org.x, org.y, org.z}, 0, {dir.x, dir.y, dir.z}, kAdversaryInf};
+}
+
 // Origin and direction; not yet known to be finite.
 Ray draw_line(Random& random, const Scene& scene) {
   const Corners& c = any_triangle(random, scene);
   const Vec3f target = target_of(random, c);
   Vec3f org, dir;
-  switch (random.below(6)) {
+  switch (random.below(7)) {
+    case 6:
+      return line_to_a_tie(random, target);
     case 0: {  // few digits: where the target has few too, it is met exactly
       for (int axis = 0; axis < 3; ++axis) {
         dir[axis] = std::ldexp(float(random.below(17)) - 8, std::ilogb(largest(c) + 0x1p-140F) - 3);

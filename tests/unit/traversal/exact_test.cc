@@ -78,6 +78,17 @@ TEST(Exact, TheIntervalsEndsAreComparedBeforeRounding) {
   EXPECT_EQ(one_exact({tilted(-lift)}, down, Query::any).t, std::numeric_limits<float>::infinity());
 }
 
+TEST(Exact, TBetweenTwoFloatsGoesToTheEvenOne) {
+  const Ray down = ray({0, 0, 1}, {0, 0, -1});
+  EXPECT_EQ(one_exact({tilted(-0x1p-22F)}, down).t, 1) << "1 + 2^-24";
+  EXPECT_EQ(one_exact({tilted(-3 * 0x1p-22F)}, down).t, 1 + 0x1p-22F) << "1 + 3 2^-24";
+  const Scene flat{tilted(0)};
+  EXPECT_EQ(one_exact(flat, ray({0, 0, 3 * 0x1p-149F}, {0, 0, -2})).t, 0x1p-148F) << "one and a half denormals";
+  const Hit zero = one_exact(flat, ray({0, 0, 0x1p-149F}, {0, 0, -2}));
+  EXPECT_EQ(zero.t, 0) << "half of one";
+  EXPECT_EQ(zero.primitive_id, 0u);
+}
+
 // EXTREMES E1, E19: in the plane, and triangles without area.
 TEST(Exact, RaysInThePlaneAndTrianglesWithoutAreaGiveNoHit) {
   const Scene flat{{Corners{Vec3f{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}};
