@@ -19,7 +19,7 @@ packages=(
   # the command line
   libcli11-dev
   # the tests and the quickstart's summary
-  libgtest-dev python3 python3-numpy
+  libgtest-dev libgmp-dev python3 python3-numpy
 )
 develop_packages=(clang clang-format clang-tidy libclang-rt-14-dev shellcheck)
 

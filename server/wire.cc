@@ -52,7 +52,7 @@ Status check_name(const std::string& name) {
 }
 
 bool known(pb::Query query) { return query == pb::QUERY_CLOSEST || query == pb::QUERY_ANY; }
-bool known(pb::Mode mode) { return mode == pb::MODE_WATERTIGHT || mode == pb::MODE_FAST; }
+bool known(pb::Mode mode) { return mode >= pb::MODE_WATERTIGHT && mode <= pb::MODE_EXACT; }
 bool known(pb::JobState state) { return state >= pb::JOB_STATE_QUEUED && state <= pb::JOB_STATE_CANCELLED; }
 bool known_fields(std::uint32_t fields) { return fields != 0 && (fields & ~std::uint32_t(Field::all)) == 0; }
 

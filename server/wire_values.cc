@@ -7,9 +7,13 @@
 namespace raymill::server {
 
 pb::Query to_wire(Query query) { return query == Query::any ? pb::QUERY_ANY : pb::QUERY_CLOSEST; }
-pb::Mode to_wire(Mode mode) { return mode == Mode::fast ? pb::MODE_FAST : pb::MODE_WATERTIGHT; }
+pb::Mode to_wire(Mode mode) {
+  return mode == Mode::fast ? pb::MODE_FAST : mode == Mode::exact ? pb::MODE_EXACT : pb::MODE_WATERTIGHT;
+}
 Query from_wire(pb::Query query) { return query == pb::QUERY_ANY ? Query::any : Query::closest; }
-Mode from_wire(pb::Mode mode) { return mode == pb::MODE_FAST ? Mode::fast : Mode::watertight; }
+Mode from_wire(pb::Mode mode) {
+  return mode == pb::MODE_FAST ? Mode::fast : mode == pb::MODE_EXACT ? Mode::exact : Mode::watertight;
+}
 
 TraceConfig to_trace_config(const pb::StartJob& start) {
   return {.query = from_wire(start.query()), .mode = from_wire(start.mode()), .fields = Field(start.fields())};

@@ -25,7 +25,7 @@ struct EngineConfig {
   std::string eviction = "demand";
   /// How a store stands in memory: "compact" (decoded pages, 24 bytes a triangle), "expanded" (59 bytes, a third to a
   /// half faster; all of it is read before the first ray) or "auto": expanded where memory is plenty and rays are many
-  /// (expansion.h). No answer depends on it.
+  /// (store_expansion.h). No answer depends on it.
   std::string layout = "auto";
   /// Whether the rays of a push (each 64 Ki of them) are traced sorted in space (ray_order.h): "never", "always", or
   /// "auto": where they are scattered and the store, in memory, is larger than caches are. Hits come in the rays' own

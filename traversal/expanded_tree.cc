@@ -1,5 +1,6 @@
 #include "traversal/expanded_tree.h"
 
+#include <algorithm>
 #include <bit>
 #include <limits>
 #include <utility>
@@ -171,6 +172,12 @@ Result<std::unique_ptr<ExpandedTree>> TreeExpander::finish() {
   }
   RAYMILL_RETURN_IF_ERROR(store_.rules().width == 8 ? resolve<8>() : resolve<4>());
   tree_->view_.root = root.first + root_node;
+  const storage::StoreFooter& footer = store_.footer();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    constexpr float kCoherentPart = 1.0F / 32;
+    const float side = footer.bounds_max[axis] - footer.bounds_min[axis];
+    tree_->view_.coherent_width = std::max(tree_->view_.coherent_width, side * kCoherentPart);
+  }
   patches_ = {};
   claim_ = {};
   return std::move(tree_);

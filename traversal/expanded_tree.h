@@ -49,6 +49,7 @@ class ExpandedTree {
     const void* nodes = nullptr;  ///< ExpandedNode<width>
     const float* blocks = nullptr;
     std::uint32_t root = 0;
+    float coherent_width = 0;  ///< of origins of a packet's rays: a 32nd of the scene's longest side
   };
   /// Whether a store can be laid out so: nodes and words of blocks have 32-bit indices.
   static bool possible(const storage::StoreFile& store);

@@ -36,6 +36,7 @@ using Kernel = void (*)(KernelContext& context, std::span<RayState> rays);
 struct ExpandedContext {
   ExpandedTree::View tree;
   bool need_normal = false;
+  bool packets = true;  ///< coherent rays go together
   KernelCounters counters;
 };
 

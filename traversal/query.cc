@@ -100,7 +100,16 @@ std::string HitLayout::numpy_descr() const {
 }
 
 std::string_view to_string(Query query) { return query == Query::closest ? "closest" : "any"; }
-std::string_view to_string(Mode mode) { return mode == Mode::watertight ? "watertight" : "fast"; }
+std::string_view to_string(Mode mode) {
+  switch (mode) {
+    case Mode::fast:
+      return "fast";
+    case Mode::exact:
+      return "exact";
+    default:
+      return "watertight";
+  }
+}
 
 std::string to_string(Field fields) {
   std::string text;
@@ -125,12 +134,12 @@ Result<Query> parse_query(std::string_view text) {
 }
 
 Result<Mode> parse_mode(std::string_view text) {
-  for (const Mode mode : {Mode::watertight, Mode::fast}) {
+  for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
     if (text == to_string(mode)) {
       return mode;
     }
   }
-  return {ErrorCode::invalid_argument, "mode '" + std::string(text) + "' is neither watertight nor fast"};
+  return {ErrorCode::invalid_argument, "mode '" + std::string(text) + "' is none of watertight, fast, exact"};
 }
 
 Result<Field> parse_fields(std::string_view text) {

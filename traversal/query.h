@@ -19,7 +19,9 @@ enum class Query : std::uint8_t { closest, any };
 
 /// watertight: no ray passes between triangles that share an edge or a vertex (the decision is made in float64).
 /// fast: Moeller-Trumbore in float32; error measured, not bounded.
-enum class Mode : std::uint8_t { watertight, fast };
+/// exact: the hit of exact arithmetic on the store's float32 corners: whether there is one, which triangle it is, and
+/// t, rounded to the nearest float32. traversal/exact.md says what decides at edges, in planes and at equal t.
+enum class Mode : std::uint8_t { watertight, fast, exact };
 
 /// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was.
 enum class Field : std::uint32_t {

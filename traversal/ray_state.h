@@ -5,7 +5,10 @@
 // hit only what the job asked for. The page is known from the queue. Nothing of a ray stands elsewhere, so a record can
 // be moved, written to disk and taken up again by anybody.
 //
-//   flags level node number tfar org dir | tnear? | hit? | bitstack      36 B + 0 or 4 + 0 to 28 + 0 to 16
+//   flags level node number tfar org dir | tnear? | hit? | corners? | bitstack      36 B + 0 or 4 + 0 to 28 + 0 to 16
+//
+// In mode exact a hit has the corners of its triangle with it, 36 B more: where two hits round to the same t, exact
+// arithmetic decides, and the page that the first one stands in may be gone by then.
 #pragma once
 
 #include <algorithm>
@@ -57,21 +60,27 @@ struct RayState {
   bool has_hit = false;
   bool done = false;
   LeftNode left;
-  Hit hit;  ///< the nearest so far
+  Hit hit;                                        ///< the nearest so far
+  std::array<std::array<float, 3>, 3> corners{};  ///< of its triangle; mode exact alone
 };
+
+/// Whether a record holds the corners of the hit's triangle.
+enum class KeptCorners : std::uint8_t { none, of_hit };
 
 /// Bytes of a waiting ray. Immutable.
 class RecordLayout {
  public:
   RecordLayout() = default;
   /// `kept`: what stands in a record of the best hit so far, t apart, which is tfar.
-  explicit RecordLayout(Field kept) : hit_(Field(std::uint32_t(kept) & ~std::uint32_t(Field::t))) {}
+  explicit RecordLayout(Field kept, KeptCorners corners = KeptCorners::none)
+      : hit_(Field(std::uint32_t(kept) & ~std::uint32_t(Field::t))),
+        corners_bytes_(corners == KeptCorners::of_hit ? sizeof(RayState::corners) : 0) {}
 
   /// Of the smallest record.
   static constexpr std::size_t kLeastBytes = 36;
   /// Of the largest record.
   [[nodiscard]] std::size_t most_bytes() const {
-    return sizeof(Fixed) + sizeof(float) + hit_.row_bytes() + sizeof(Bitstack);
+    return sizeof(Fixed) + sizeof(float) + hit_.row_bytes() + corners_bytes_ + sizeof(Bitstack);
   }
   [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray)); }
   [[nodiscard]] std::size_t bytes(const std::byte* record) const { return bytes_for(static_cast<unsigned>(*record)); }
@@ -89,6 +98,8 @@ class RecordLayout {
     if (ray.has_hit) {
       hit_.write(ray.hit, at);
       at += hit_.row_bytes();
+      std::memcpy(at, ray.corners.data(), corners_bytes_);
+      at += corners_bytes_;
     }
     const std::size_t stack_bytes = flags >> kStackShift;
     std::memcpy(at, ray.stack.words.data(), stack_bytes);
@@ -116,6 +127,8 @@ class RecordLayout {
       ray.hit = hit_.read(at);
       ray.hit.t = fixed.tfar;
       at += hit_.row_bytes();
+      std::memcpy(ray.corners.data(), at, corners_bytes_);
+      at += corners_bytes_;
     }
     std::memcpy(ray.stack.words.data(), at, fixed.flags >> kStackShift);
   }
@@ -142,10 +155,11 @@ class RecordLayout {
   }
   [[nodiscard]] std::size_t bytes_for(unsigned flags) const {
     return sizeof(Fixed) + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
-           ((flags & kHasHit) != 0 ? hit_.row_bytes() : 0) + (flags >> kStackShift);
+           ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (flags >> kStackShift);
   }
 
   HitLayout hit_;
+  std::size_t corners_bytes_ = 0;
 };
 
 }  // namespace raymill::traversal

@@ -25,6 +25,10 @@ Field kept_fields(const TraceConfig& config) {
   return config.fields == Field::t ? Field::t : config.fields | Field::ids;
 }
 
+KeptCorners kept_corners(const TraceConfig& config) {
+  return config.query == Query::closest && config.mode == Mode::exact ? KeptCorners::of_hit : KeptCorners::none;
+}
+
 }  // namespace
 
 Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const storage::StoreFile> file,
@@ -117,7 +121,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   const HitLayout row(setup.config.fields);
   JobPlan plan = plan_job(plan_, rules.page_count, row);
   setup.most_in_flight = plan.most_in_flight;
-  plan.waiting.layout = RecordLayout(kept_fields(setup.config));
+  plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config));
   plan.waiting.directory = config_.spill_directory;
   plan.window.spill_directory = config_.spill_directory;
 

@@ -32,7 +32,6 @@
 #include "storage/io/store_file.h"
 #include "storage/pages/codec.h"
 #include "traversal/budget_plan.h"
-#include "traversal/expansion.h"
 #include "traversal/future_demand.h"
 #include "traversal/group_turns.h"
 #include "traversal/kernel.h"
@@ -41,6 +40,7 @@
 #include "traversal/ray_order.h"
 #include "traversal/ray_spiller.h"
 #include "traversal/service.h"
+#include "traversal/store_expansion.h"
 #include "traversal/timeline.h"
 
 namespace raymill::traversal {
@@ -156,7 +156,7 @@ class StoreTracer {
   std::condition_variable work_wake_;  // workers: something to do
   PageScheduler scheduler_;
   std::unique_ptr<GroupTurns> turns_;
-  std::unique_ptr<Expansion> expansion_;  // none: compact, or done
+  std::unique_ptr<StoreExpansion> expansion_;  // none: compact, or done
   std::shared_ptr<const ExpandedTree> tree_;
   Status layout_status_;  // why there is no tree, where one was asked for
   std::vector<storage::PageArrival> arrivals_;

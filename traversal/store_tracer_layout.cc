@@ -50,7 +50,7 @@ Status StoreTracer::plan_memory(const StoreShare& share) {
 // Plans the pages' budget, with what the expanded layout needs set aside where there is to be one.
 Status StoreTracer::plan_layout(const StoreShare& share) {
   const bool possible = config_.layout != Layout::compact && ExpandedTree::possible(*file_);
-  const std::uint64_t bytes = possible ? Expansion::bytes(*file_, share.threads) : 0;
+  const std::uint64_t bytes = possible ? StoreExpansion::bytes(*file_, share.threads) : 0;
   StoreShare rest = share;
   rest.bytes -= std::min(rest.bytes, bytes);
   const std::uint64_t least = least_share_bytes(*file_, share.threads, share.max_jobs);
@@ -78,7 +78,7 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
     RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
     return {};
   }
-  RAYMILL_ASSIGN_OR_RETURN(expansion_, Expansion::create(*file_, share.threads, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(expansion_, StoreExpansion::create(*file_, share.threads, ledger_));
   return {};
 }
 
@@ -141,7 +141,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   if (tree != nullptr) {
     const auto others = std::partition(rays.begin(), rays.end(),
                                        [this](const RayState& ray) { return begins(ray, file_->footer().root_node); });
-    ExpandedContext context{tree->view(), need_normal, {}};
+    ExpandedContext context{.tree = tree->view(), .need_normal = need_normal, .packets = true, .counters = {}};
     counters.rays_expanded = static_cast<std::uint64_t>(others - rays.begin());
     job.expanded_kernel(context, rays.first(counters.rays_expanded));
     counters.kernel = context.counters;

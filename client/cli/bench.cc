@@ -125,7 +125,7 @@ class Bench {
     if (options_.embree) {
       const auto triangles = [this](storage::TriangleSink& sink) { return read_store_triangles(options_.store, sink); };
       RAYMILL_ASSIGN_OR_RETURN(EmbreeScene scene,
-                               EmbreeScene::create({.robust = options_.mode == Mode::watertight}, triangles));
+                               EmbreeScene::create({.robust = options_.mode != Mode::fast}, triangles));
       embree_.emplace(std::move(scene));
     }
     return {};
@@ -341,7 +341,7 @@ Verb add_bench(CLI::App& app) {
   verb->add_option("--seed", options->seed, "Another seed, other rays")->type_name("N")->capture_default_str();
   verb->add_option("--camera", options->camera, "As for render")->type_name("CAMERA");
   add_parsed(*verb, "--mode", options->mode, parse_mode,
-             "watertight (beside Embree's robust mode; default) or fast (beside its default mode)", "MODE");
+             "watertight (default) or exact (beside Embree's robust mode), or fast (beside its default mode)", "MODE");
   verb->add_flag("--embree", options->embree, "Set Embree beside it");
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);

@@ -140,8 +140,11 @@ void QueryOptions::add_to(CLI::App& app) {
         return parse_query(text);
       },
       "closest: the nearest hit (default). any: whether there is one", "QUERY");
-  add_parsed(app, "--mode", config.mode, parse_mode,
-             "watertight: no ray passes between triangles that share an edge (default). fast: float32 only", "MODE");
+  add_parsed(
+      app, "--mode", config.mode, parse_mode,
+      "watertight: no ray passes between triangles that share an edge (default). fast: float32 only. exact: the hit "
+      "of exact arithmetic, t rounded once",
+      "MODE");
   add_parsed(app, "--fields", fields_, parse_fields,
              "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all. "
              "Default: t,uv,primitive_id,geometry_id; for --query any: t",

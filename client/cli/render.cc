@@ -163,7 +163,7 @@ Verb add_render(CLI::App& app) {
       ->type_name("LENGTH")
       ->check(CLI::PositiveNumber);
   verb->add_option("--seed", options->render.seed, "Another seed, other noise")->type_name("N")->capture_default_str();
-  add_parsed(*verb, "--mode", options->render.mode, parse_mode, "watertight (default) or fast", "MODE");
+  add_parsed(*verb, "--mode", options->render.mode, parse_mode, "watertight (default), fast or exact", "MODE");
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);
   add_json_flag(*verb, options->json);

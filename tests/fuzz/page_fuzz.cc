@@ -31,7 +31,7 @@ void run_rays(const std::byte* image, const PageRules& rules) {
   std::atomic<std::uint8_t> touched[] = {0};
   for (const traversal::Isa isa : traversal::runnable_isas()) {
     for (const Query query : {Query::closest, Query::any}) {
-      for (const Mode mode : {Mode::watertight, Mode::fast}) {
+      for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
         traversal::RayState ray;
         ray.org = {0.1F, 0.2F, -5};
         ray.dir = {0.01F, -0.0F, 1};

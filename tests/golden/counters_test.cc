@@ -43,7 +43,7 @@ std::string count(traversal::Isa isa) {
   for (const unsigned width : {4u, 8u}) {
     const LoadedPages pages = load_pages(counted_store(width));
     for (const Query query : {Query::closest, Query::any}) {
-      for (const Mode mode : {Mode::watertight, Mode::fast}) {
+      for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
         const KernelRun run{.isa = isa, .query = query, .mode = mode, .batch_rays = 512};
         const auto counters = run_kernel(pages, counted_rays(), run).counters;
         text << to_string(query) << " mbvh" << width << " " << to_string(mode) << ": " << counters.nodes_visited

@@ -86,7 +86,7 @@ TEST_P(Configurations, GiveTheSameHits) {
   const Scene scene = draw_scene(random);
   const std::vector<Ray> rays = mixed_rays(random, scene, 4000);
 
-  const Mode mode = pick(random, {Mode::watertight, Mode::watertight, Mode::fast});
+  const Mode mode = pick(random, {Mode::watertight, Mode::fast, Mode::exact, Mode::exact});
   std::vector<Hit> first;
   std::string first_text;
   for (int i = 0; i < 4; ++i) {

@@ -75,7 +75,7 @@ TEST_P(Runs, OfAnySizeGiveTheSameHits) {
   const std::vector<Ray> rays = mixed_rays(random, scene, 1500);
 
   TraceSetup setup;
-  setup.trace.mode = pick(random, {Mode::watertight, Mode::fast});
+  setup.trace.mode = pick(random, {Mode::watertight, Mode::fast, Mode::exact});
   std::string closest_rows, any_rows, first;
   for (const std::uint64_t run_triangles : {storage::kRunTriangles, std::uint64_t{500}, std::uint64_t{64}}) {
     const Built built = build_drawn(random, folder, scene, run_triangles);

@@ -23,6 +23,7 @@ TEST_P(Schedules, GiveTheSameHits) {
 
   TraceSetup setup;
   setup.trace.query = seed % 3 == 0 ? Query::any : Query::closest;
+  setup.trace.mode = seed % 2 == 0 ? Mode::exact : Mode::watertight;
   const Traced in_core = trace(path, rays, setup);
   ASSERT_TRUE(in_core.status.ok()) << in_core.status.message();
   EXPECT_EQ(in_core.stats.evictions, 0u);
@@ -47,7 +48,7 @@ TEST_P(Schedules, GiveTheSameHits) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, Schedules, testing::Range(std::uint64_t{1}, std::uint64_t{5}));
+INSTANTIATE_TEST_SUITE_P(Seeds, Schedules, testing::Range(std::uint64_t{1}, std::uint64_t{7}));
 
 }  // namespace
 }  // namespace raymill::tests

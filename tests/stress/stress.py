@@ -66,7 +66,7 @@ class Lot:
         self.rays = ["--kind", draw.choice(RAY_KINDS), "--count", str(int(10 ** draw.uniform(2.5, 4.5 if short else 5.7))),
                      "--seed", str(draw.randrange(1000)), *draw.choice([[], ["--shuffle"]])]
         query = draw.choice(["closest", "closest", "any"])
-        self.query = ["--query", query, "--mode", draw.choice(["watertight", "watertight", "fast"])]
+        self.query = ["--query", query, "--mode", draw.choice(["watertight", "watertight", "fast", "exact"])]
         if query == "closest":
             self.query += ["--fields", draw.choice(FIELDS)]
         self.runs = [{"threads": draw.randint(1, 4), "share": draw.choice([0, 0, draw.random(), 1]),

@@ -44,7 +44,8 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
   const auto touched = std::make_unique<std::atomic<std::uint8_t>[]>(page_count);
   const unsigned bits = pages.rules.width * pages.rules.levels;
   const Kernel kernel = find_kernel(run.isa, {run.query, run.mode, pages.rules.width, run.wide_stack || bits > 64});
-  const RecordLayout records(Field::all);
+  const bool ties_need_corners = run.mode == Mode::exact && run.query == Query::closest;
+  const RecordLayout records(Field::all, ties_need_corners ? KeptCorners::of_hit : KeptCorners::none);
   std::vector<std::byte> record(records.most_bytes());
   Random random(run.seed);
 

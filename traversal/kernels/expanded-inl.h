@@ -1,8 +1,8 @@
-// The traversal kernel for the expanded layout (expanded_tree.h), compiled once per ISA. The includer defines
+// The traversal kernels for the expanded layout (expanded_tree.h), compiled once per ISA. The includer defines
 // RAYMILL_ISA and includes its simd header first.
 //
-// The same traversal as kernel-inl.h's, without pages: a ray starts at the root and runs until it is done. Boxes,
-// triangle tests and the order of children are the same functions; the rounds are the same idea, of fewer steps.
+// The same traversal as kernel-inl.h's, without pages: a ray starts at the root and runs until it is done. Rays that
+// have a line in common go as a packet (packet-inl.h), the others take turns, as there, in rounds of fewer steps.
 //
 //      visit: boxes ---> advance: next child ---> a node: visit, in the next round
 //                          ^                      a leaf: filter, in the next round
@@ -10,41 +10,19 @@
 //      filter ---> decide -+
 #pragma once
 
-#include "traversal/expanded_tree.h"
-#include "traversal/kernels/kernel-inl.h"
+#include <algorithm>
+
+#include "traversal/kernels/expanded_ray-inl.h"
+#include "traversal/kernels/packet-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
-// The same numbers as test_boxes (kernel-inl.h) from planes that are decoded.
-template <int N>
-[[gnu::always_inline]] inline unsigned test_planes(const ExpandedNode<N>& node, const RayFrame& ray, float tnear,
-                                                   float tfar, std::array<float, N>& entries) {
-  auto near = Floats<N>::broadcast(tnear), far = Floats<N>::broadcast(std::numeric_limits<float>::infinity());
-  for (int axis = 0; axis < 3; ++axis) {
-    const unsigned negative = ray.octant >> axis & 1;
-    const auto org = Floats<N>::broadcast(ray.org[axis]), rdir = Floats<N>::broadcast(ray.rdir[axis]);
-    near = max_keep((Floats<N>::load(node.planes[negative][axis].data()) - org) * rdir, near);
-    far = min_keep((Floats<N>::load(node.planes[negative ^ 1][axis].data()) - org) * rdir, far);
-  }
-  far = far + abs(far) * Floats<N>::broadcast(kExitPad);
-  near.store(entries.data());
-  return less_equal(near, min_keep(far, Floats<N>::broadcast(tfar))) & node.valid;
-}
-
-template <int N>
-struct alignas(64) ExpandedLane {
+template <int N, Query kQuery, Mode kMode>
+struct alignas(64) ExpandedLane : ExpandedRay<kQuery, kMode> {
   static constexpr unsigned kLevels = storage::kBitstackBits / N;
 
-  RayFrame frame;
-  float tnear, tfar;
-  RayState* ray;
   unsigned level;        // of the node that is visited next
   std::uint32_t levels;  // bit for each level with a mask left
-  LeafRows leaf;         // that is tested next
-  unsigned candidates;   // of its triangles
-  Quotients quotients;   // of them, in mode fast
-  LeafRows hit_leaf;     // rows null: the ids of the best hit stand in the ray
-  std::uint32_t hit_triangle;
   std::array<std::uint8_t, kLevels> masks;
   // One past the deepest, for it is written before it is known whether the child is a node.
   std::array<const ExpandedNode<N>*, kLevels + 1> nodes;
@@ -82,7 +60,7 @@ class ExpandedBatch {
  private:
   static constexpr unsigned kLanes = 24;
   enum Step : unsigned { kVisitNode, kFilterLeaf, kReportRay, kDecideLeaf, kAdvanceRay, kSteps };
-  using RayLane = ExpandedLane<N>;
+  using RayLane = ExpandedLane<N, kQuery, kMode>;
   struct Lists {
     std::array<std::array<RayLane*, kLanes>, kSteps> lanes;
     std::array<unsigned, kSteps> count{};
@@ -103,14 +81,9 @@ class ExpandedBatch {
     if (taken_ == rays_.size()) {
       return;
     }
-    RayState& ray = rays_[taken_++];
-    lane->ray = &ray;
-    lane->frame = make_frame(ray.org, ray.dir);
-    lane->tnear = ray.tnear;
-    lane->tfar = ray.tfar;
+    lane->begin(rays_[taken_++]);
     lane->level = 0;
     lane->levels = 0;
-    lane->hit_leaf.rows = nullptr;
     lane->nodes[0] = nodes_ + context_.tree.root;
     next_->add(kVisitNode, lane);
   }
@@ -118,7 +91,7 @@ class ExpandedBatch {
   [[gnu::always_inline]] void visit(RayLane* lane) {
     const unsigned level = lane->level;
     const unsigned mask =
-        test_planes<N>(*lane->nodes[level], lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
+        test_planes<N, kMode>(*lane->nodes[level], lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
     lane->masks[level] = static_cast<std::uint8_t>(mask);
     lane->levels |= static_cast<std::uint32_t>(mask != 0) << level;
     now_->add(kAdvanceRay, lane);
@@ -134,7 +107,7 @@ class ExpandedBatch {
       lane->masks[level] = static_cast<std::uint8_t>(mask & ~(1U << slot));
       lane->levels ^= static_cast<std::uint32_t>((mask & (mask - 1)) == 0) << level;
       // Too far: what was hit since the mask was made lies before the child's box.
-      if (kQuery == Query::closest && !(lane->entries[level][slot] <= lane->tfar)) {
+      if (kQuery == Query::closest && !(lane->entries[level][slot] <= end_of<kMode>(lane->tfar))) {
         continue;
       }
       const std::uint32_t child = node.child[slot], count = node.count[slot];
@@ -145,10 +118,10 @@ class ExpandedBatch {
       const auto* wanted = is_leaf != 0 ? reinterpret_cast<const std::byte*>(blocks_ + child)
                                         : reinterpret_cast<const std::byte*>(nodes_ + child);
       const std::size_t last = is_leaf != 0 ? kCornerRows * sizeof(float) * count - 1 : sizeof(node) - 1;
-      prefetch(wanted);
-      prefetch(wanted + std::min<std::size_t>(last, 64));
-      prefetch(wanted + std::min<std::size_t>(last, 128));
-      prefetch(wanted + last);
+      __builtin_prefetch(wanted);
+      __builtin_prefetch(wanted + std::min<std::size_t>(last, 64));
+      __builtin_prefetch(wanted + std::min<std::size_t>(last, 128));
+      __builtin_prefetch(wanted + last);
       next_->add(is_leaf != 0 ? kFilterLeaf : kVisitNode, lane);
       return;
     }
@@ -157,77 +130,16 @@ class ExpandedBatch {
 
   void filter_leaf(RayLane* lane) {
     triangles_tested_ += lane->leaf.count;
-    const unsigned used = (1U << lane->leaf.count) - 1;
-    if constexpr (kMode == Mode::watertight) {
-      lane->candidates = woop_filter(lane->frame, lane->leaf, lane->tnear, lane->tfar) & used;
-    } else {
-      lane->candidates = moeller_trumbore(lane->frame, lane->leaf, lane->quotients) & used;
-    }
+    lane->filter_leaf();
     now_->add(lane->candidates != 0 ? kDecideLeaf : kAdvanceRay, lane);
   }
 
   void decide_leaf(RayLane* lane) {
-    for (unsigned mask = lane->candidates; mask != 0; mask &= mask - 1) {
-      const int i = std::countr_zero(mask);
-      const Corners corners = lane->leaf.triangle(i);
-      Candidate hit;
-      if constexpr (kMode == Mode::watertight) {
-        if (!woop_decide(lane->frame, corners, hit)) {
-          continue;
-        }
-      } else {
-        hit = {lane->quotients.t[i], lane->quotients.u[i], lane->quotients.v[i]};
-      }
-      if (offer(lane, hit, corners, static_cast<std::uint32_t>(i))) {
-        finish(lane);
-        return;
-      }
-    }
-    now_->add(kAdvanceRay, lane);
-  }
-
-  // As kernel-inl.h's. True: no other hit is wanted.
-  bool offer(RayLane* lane, const Candidate& hit, const Corners& corners, std::uint32_t triangle) {
-    float t = 0;
-    if (!clamp_to_box(lane->frame, corners, hit, lane->tnear, lane->tfar, t)) {
-      return false;
-    }
-    RayState& ray = *lane->ray;
-    if constexpr (kQuery == Query::any) {
-      ray.hit = {};
-      ray.hit.t = 0;
-      ray.has_hit = true;
-      return true;
+    if (lane->decide_leaf(context_.need_normal)) {
+      finish(lane);
     } else {
-      if (t == lane->tfar && ray.has_hit && !comes_before(lane, triangle)) {
-        return false;
-      }
-      lane->tfar = t;
-      lane->hit_leaf = lane->leaf;
-      lane->hit_triangle = triangle;
-      ray.has_hit = true;
-      ray.hit.t = t;
-      set_barycentrics(ray.hit, hit);
-      if (context_.need_normal) {
-        ray.hit.normal = normal_of(corners);
-      }
-      return false;
+      now_->add(kAdvanceRay, lane);
     }
-  }
-
-  struct Ids {
-    std::uint32_t geometry, primitive;
-    bool operator<(const Ids& other) const {
-      return geometry < other.geometry || (geometry == other.geometry && primitive < other.primitive);
-    }
-  };
-  static Ids ids_of(const LeafRows& leaf, std::uint32_t triangle) {
-    const float* ids = leaf.rows + kCornerRows * leaf.count + triangle;
-    return {std::bit_cast<std::uint32_t>(ids[leaf.count]), std::bit_cast<std::uint32_t>(ids[0])};
-  }
-  // At equal t.
-  static bool comes_before(const RayLane* lane, std::uint32_t triangle) {
-    return ids_of(lane->leaf, triangle) < ids_of(lane->hit_leaf, lane->hit_triangle);
   }
 
   void finish(RayLane* lane) {
@@ -235,20 +147,12 @@ class ExpandedBatch {
       report(lane);
       return;
     }
-    const float* ids = lane->hit_leaf.rows + kCornerRows * lane->hit_leaf.count + lane->hit_triangle;
-    prefetch(ids);
-    prefetch(ids + lane->hit_leaf.count);
+    __builtin_prefetch(lane->hit_ids());
+    __builtin_prefetch(lane->hit_ids() + lane->hit_leaf.count);
     next_->add(kReportRay, lane);
   }
   void report(RayLane* lane) {
-    RayState& ray = *lane->ray;
-    if (lane->hit_leaf.rows != nullptr) {
-      const Ids ids = ids_of(lane->hit_leaf, lane->hit_triangle);
-      ray.hit.geometry_id = ids.geometry;
-      ray.hit.primitive_id = ids.primitive;
-    }
-    ray.tfar = lane->tfar;
-    ray.done = true;
+    lane->report();
     take_ray(lane);
   }
 
@@ -266,13 +170,35 @@ class ExpandedBatch {
 
 template <int N, Query kQuery, Mode kMode>
 void trace_expanded(ExpandedContext& context, std::span<RayState> rays) {
-  ExpandedBatch<N, kQuery, kMode>(context, rays).run();
+  // Rays from `alone` on take turns.
+  const auto take_turns = [&context, rays](std::size_t alone, std::size_t end) {
+    if (alone < end) {
+      ExpandedBatch<N, kQuery, kMode>(context, rays.subspan(alone, end - alone)).run();
+    }
+  };
+  using Packet = ExpandedPacket<N, kQuery, kMode>;
+  std::size_t alone = 0, at = 0;
+  for (; context.packets && at + Packet::kRays <= rays.size(); at += Packet::kRays) {
+    const auto together = rays.subspan(at).template first<Packet::kRays>();
+    if (is_coherent(together, context.tree.coherent_width)) {
+      take_turns(alone, at);
+      Packet(context, together).run();
+      alone = at + Packet::kRays;
+    }
+  }
+  take_turns(alone, rays.size());
 }
 
 template <int N, Query kQuery>
 ExpandedKernel select_expanded_mode(Mode mode) {
-  return mode == Mode::watertight ? &trace_expanded<N, kQuery, Mode::watertight>
-                                  : &trace_expanded<N, kQuery, Mode::fast>;
+  switch (mode) {
+    case Mode::fast:
+      return &trace_expanded<N, kQuery, Mode::fast>;
+    case Mode::exact:
+      return &trace_expanded<N, kQuery, Mode::exact>;
+    default:
+      return &trace_expanded<N, kQuery, Mode::watertight>;
+  }
 }
 
 template <int N>

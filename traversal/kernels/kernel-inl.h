@@ -27,7 +27,9 @@
 
 #include "storage/pages/page_image.h"
 #include "traversal/kernel.h"
+#include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/lane-inl.h"
+#include "traversal/kernels/slot_order-inl.h"
 #include "traversal/kernels/triangle-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
@@ -35,36 +37,11 @@ namespace raymill::traversal::RAYMILL_ISA {
 using storage::ExternalKind;
 using storage::PageView;
 
-// kFirst[octant][mask]: the slot of mask that comes first when slots are visited by rising slot XOR octant.
-struct FirstSlotTable {
-  std::uint8_t slot[8][256] = {};
-  constexpr FirstSlotTable() {
-    for (unsigned octant = 0; octant < 8; ++octant) {
-      for (unsigned mask = 1; mask < 256; ++mask) {
-        unsigned rank = 0;
-        while ((mask >> (rank ^ octant) & 1) == 0) {
-          ++rank;
-        }
-        slot[octant][mask] = static_cast<std::uint8_t>(rank ^ octant);
-      }
-    }
-  }
-};
-inline constexpr FirstSlotTable kFirst;
-
-template <int N, typename NodeOf>
-unsigned first_slot(const NodeOf& node, unsigned octant, unsigned mask) {
-  if constexpr (N == 4) {
-    octant = (octant >> (node.order & 3) & 1) | (octant >> (node.order >> 2) & 1) << 1;
-  }
-  return kFirst.slot[octant][mask];
-}
-
 // The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar], and where it begins.
-template <int N, typename NodeOf>
-[[gnu::always_inline]] inline unsigned test_boxes(const NodeOf& node, const RayFrame& ray, float tnear, float tfar,
+template <int N, Mode kMode>
+[[gnu::always_inline]] inline unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar,
                                                   std::array<float, N>& entries) {
-  auto interval = NearFar<N>::broadcast(tnear, std::numeric_limits<float>::infinity());
+  auto interval = NearFar<N>::broadcast(begin_of<kMode>(tnear), std::numeric_limits<float>::infinity());
   for (int axis = 0; axis < 3; ++axis) {
     const float scale = std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23);
     const auto planes = NearFar<N>::from_bytes(node.lower, node.upper, axis, (ray.octant >> axis & 1) != 0);
@@ -72,8 +49,11 @@ template <int N, typename NodeOf>
   }
   Floats<N> exit = interval.far();
   exit = exit + abs(exit) * Floats<N>::broadcast(kExitPad);
+  if constexpr (kMode == Mode::exact) {
+    exit = exit + Floats<N>::broadcast(kExactSlack);
+  }
   interval.near().store(entries.data());
-  return less_equal(interval.near(), min_keep(exit, Floats<N>::broadcast(tfar))) & node.valid;
+  return less_equal(interval.near(), min_keep(exit, Floats<N>::broadcast(end_of<kMode>(tfar)))) & node.valid;
 }
 
 inline void prefetch(const void* address) { __builtin_prefetch(address); }
@@ -143,6 +123,9 @@ class Batch {
     while (taken_ < rays_.size()) {
       RayState& ray = rays_[taken_++];
       lane->unpack(ray);
+      if constexpr (kMode == Mode::exact) {
+        prepare_exact_boxes(lane->frame);
+      }
       // A pop is what follows a reference to a leaf, and what a ray that backtracks needs.
       lane->ref = {ray.page, ray.node, 0, ray.resume == Resume::enter ? ExternalKind::node : ExternalKind::leaf};
       const std::byte* image = image_of(ray.page);
@@ -219,8 +202,8 @@ class Batch {
 
   [[gnu::always_inline]] void visit(RayLane* lane) {
     const unsigned level = lane->level;
-    lane->set_mask(
-        level, test_boxes<N>(*lane->places[level].node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]));
+    lane->set_mask(level, test_boxes<N, kMode>(*lane->places[level].node, lane->frame, lane->tnear, lane->tfar,
+                                               lane->entries[level]));
     now_->add(kAdvance, lane);
   }
 
@@ -239,7 +222,7 @@ class Batch {
       lane->masks[level] = static_cast<std::uint8_t>(mask & ~(1U << slot));
       lane->levels ^= static_cast<std::uint32_t>((mask & (mask - 1)) == 0) << level;
       // Too far: what was hit since the mask was made lies before the child's box.
-      if (!(lane->entries[level][slot] <= lane->tfar)) {
+      if (!(lane->entries[level][slot] <= end_of<kMode>(lane->tfar))) {
         continue;
       }
       descend(lane, place, level, slot);
@@ -278,7 +261,7 @@ class Batch {
     while (rest != 0) {
       const unsigned slot = first_slot<N>(node, lane->frame.octant, rest);
       rest &= ~(1U << slot);
-      if (!(lane->entries[level][slot] <= lane->tfar)) {
+      if (!(lane->entries[level][slot] <= end_of<kMode>(lane->tfar))) {
         continue;
       }
       const bool is_external = (node.external >> slot & 1) != 0;
@@ -308,7 +291,7 @@ class Batch {
   // The entry distances at a node whose mask came from elsewhere. False: the mask is not of that node.
   [[gnu::noinline]] static bool measure(RayLane* lane, unsigned level) {
     const Node<N>& node = *lane->places[level].node;
-    test_boxes<N>(node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
+    test_boxes<N, kMode>(node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
     return (lane->levels >> level & 1) == 0 || (lane->masks[level] & ~node.valid) == 0;
   }
 
@@ -359,10 +342,11 @@ class Batch {
     const std::uint32_t count = lane->places[lane->level].node->count[lane->slot];
     counters_.triangles_tested += count;
     const unsigned used = (1U << count) - 1;
-    if constexpr (kMode == Mode::watertight) {
-      lane->candidates = woop_filter(lane->frame, lane->leaf, lane->tnear, lane->tfar) & used;
-    } else {
+    if constexpr (kMode == Mode::fast) {
       lane->candidates = moeller_trumbore(lane->frame, lane->leaf, lane->quotients) & used;
+    } else {
+      lane->candidates =
+          woop_filter(lane->frame, lane->leaf, begin_of<kMode>(lane->tnear), end_of<kMode>(lane->tfar)) & used;
     }
     now_->add(lane->candidates != 0 ? kDecide : kAdvance, lane);
   }
@@ -375,6 +359,10 @@ class Batch {
       Candidate hit;
       if constexpr (kMode == Mode::watertight) {
         if (!woop_decide(lane->frame, corners, hit)) {
+          continue;
+        }
+      } else if constexpr (kMode == Mode::exact) {
+        if (!exact_decide(lane->frame, corners, {lane->tnear, lane->tfar, lane->ray->has_hit}, hit)) {
           continue;
         }
       } else {
@@ -392,7 +380,7 @@ class Batch {
   // True: no other hit is wanted.
   bool offer(RayLane* lane, const Candidate& hit, const Corners& corners, std::uint32_t triangle) {
     float t = 0;
-    if (!clamp_to_box(lane->frame, corners, hit, lane->tnear, lane->tfar, t)) {
+    if (!place_hit<kMode>(lane->frame, corners, hit, lane->tnear, lane->tfar, t)) {
       return false;
     }
     RayState& ray = *lane->ray;
@@ -403,11 +391,8 @@ class Batch {
       return true;
     } else {
       const std::byte* image = lane->places[lane->level].image;
-      if (t == lane->tfar && ray.has_hit) {
-        identify(lane);
-        if (!comes_before(image, triangle, ray.hit)) {
-          return false;
-        }
+      if (t == lane->tfar && ray.has_hit && !wins_tie(lane, corners, triangle)) {
+        return false;
       }
       lane->tfar = t;
       lane->hit_image = image;
@@ -418,11 +403,25 @@ class Batch {
       if (context_.need_normal) {
         ray.hit.normal = normal_of(corners);
       }
+      if constexpr (kMode == Mode::exact) {
+        ray.corners = corners;
+      }
       return false;
     }
   }
 
-  // At equal t.
+  // Against the best so far, at equal t: in mode exact by t before it was rounded, then by the ids.
+  static bool wins_tie(RayLane* lane, const Corners& corners, std::uint32_t triangle) {
+    if constexpr (kMode == Mode::exact) {
+      const int order = exact_order({lane->frame.org, lane->frame.dir}, corners, lane->ray->corners);
+      if (order != 0) {
+        return order < 0;
+      }
+    }
+    identify(lane);
+    return comes_before(lane->places[lane->level].image, triangle, lane->ray->hit);
+  }
+
   static bool comes_before(const std::byte* image, std::uint32_t triangle, const Hit& best) {
     const PageView view(image);
     const std::uint32_t geometry_id = view.geometry_id(triangle), primitive_id = view.primitive_ids()[triangle];
@@ -456,8 +455,14 @@ void trace_batch(KernelContext& context, std::span<RayState> rays) {
 
 template <int N, bool Wide, Query kQuery>
 Kernel select_mode(Mode mode) {
-  return mode == Mode::watertight ? &trace_batch<N, Wide, kQuery, Mode::watertight>
-                                  : &trace_batch<N, Wide, kQuery, Mode::fast>;
+  switch (mode) {
+    case Mode::fast:
+      return &trace_batch<N, Wide, kQuery, Mode::fast>;
+    case Mode::exact:
+      return &trace_batch<N, Wide, kQuery, Mode::exact>;
+    default:
+      return &trace_batch<N, Wide, kQuery, Mode::watertight>;
+  }
 }
 
 template <int N, bool Wide>

@@ -5,6 +5,8 @@
 // than its proven error, and every triangle that it cannot reject is decided in float64. So the answer is that of a
 // float64 Woop test, at nearly the price of the float32 one.
 //
+// exact: the same float32 rejection, then exact_triangle.h.
+//
 // fast: Moeller, Trumbore 1997, float32.
 #pragma once
 
@@ -99,12 +101,15 @@ struct Candidate {
 // With u = 2^-24, |S| <= 1 and M the largest |corner - org|: a sheared coordinate fl(fl(ax - ox) - fl(S * fl(az - oz)))
 // is off by at most u (1 + 3 + 2) M (1 + O(u)) < 7 u M. An edge function Cx*By - Cy*Bx of sheared coordinates of
 // magnitude at most L is then off by at most 4 * 7 u L M + 4 u L^2 (products and difference) <= 32 u L M (1 + O(u)),
-// and L <= 2 M. M <= L + Z with Z the largest |z - oz|, up to u. So more than 2^-18 L (L + Z) = 64 u L (L + Z) away
-// from zero the float32 sign is the sign in float64, whose own error is 2^-29 of that. The constant added keeps the
-// bound above what denormal products lose. NaN and infinity compare false: such lanes go to the float64 test.
+// and L <= 2 M. M <= L + Z with Z the largest |z - oz|, up to u. What the coordinates' errors make together, 98 u^2
+// M^2, is less than 4 u L (L + Z) where L > 31 u (L + Z), and nothing is rejected elsewhere: its magnitude, at most 2
+// L^2, would have to be more than the bound. So more than 2^-18 L (L + Z) = 64 u L (L + Z) away from zero the float32
+// sign is the sign in exact arithmetic, and that in float64, whose own error is 2^-29 of that. The constant added keeps
+// the bound above what denormal products lose. NaN and infinity compare false: such lanes go to the decision; the bound
+// is made so that it overflows before a product of the edge functions does.
 //
 // Nor lanes whose box ends before tnear or begins after tfar on the axis kz: with the same roundings triangle_interval
-// would find that, and its other axes can only narrow it.
+// would find that, and its other axes can only narrow it. (Mode exact gives begin_of and end_of: exact-inl.h.)
 template <typename Leaf>
 unsigned woop_filter(const RayFrame& ray, const Leaf& leaf, float tnear, float tfar) {
   const Float8 ox = Float8::broadcast(ray.org[ray.kx]), oy = Float8::broadcast(ray.org[ray.ky]),
@@ -128,7 +133,7 @@ unsigned woop_filter(const RayFrame& ray, const Leaf& leaf, float tnear, float t
   const Float8 z = max_keep(max_keep(abs(az), abs(bz)), abs(cz));
   const Float8 l =
       max_keep(max_keep(max_keep(abs(ax), abs(ay)), max_keep(abs(bx), abs(by))), max_keep(abs(cx), abs(cy)));
-  const Float8 bound = Float8::broadcast(0x1p-18F) * l * (l + z) + Float8::broadcast(0x1p-120F);
+  const Float8 bound = l * (l + z) * Float8::broadcast(0x1p-18F) + Float8::broadcast(0x1p-120F);
   const Float8 low = min_keep(min_keep(u, v), w);
   const Float8 high = max_keep(max_keep(u, v), w);
   const Float8 minus_bound = Float8::broadcast(0.0F) - bound;
@@ -252,18 +257,22 @@ inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
   return interval;
 }
 
-/// The t that a hit counts with: clamped into the triangle's own box, so that no order of tests could tell (slab.h).
-/// False: it is none, or lies outside [tnear, tfar].
-inline bool clamp_to_box(const RayFrame& ray, const Corners& corners, const Candidate& hit, float tnear, float tfar,
-                         float& t) {
-  const Interval box = triangle_interval(ray, corners);
-  if (!(box.entry <= box.exit)) {
-    return false;
-  }
+/// The t that a hit counts with: clamped into the triangle's own box, so that no order of tests could tell (slab.h);
+/// in mode exact it has been placed. False: it is none, or lies outside [tnear, tfar].
+template <Mode kMode>
+bool place_hit(const RayFrame& ray, const Corners& corners, const Candidate& hit, float tnear, float tfar, float& t) {
   t = static_cast<float>(hit.t);
-  t = t < box.entry ? box.entry : t;
-  t = t > box.exit ? box.exit : t;
-  return t >= tnear && t <= tfar;
+  if constexpr (kMode == Mode::exact) {
+    return true;
+  } else {
+    const Interval box = triangle_interval(ray, corners);
+    if (!(box.entry <= box.exit)) {
+      return false;
+    }
+    t = t < box.entry ? box.entry : t;
+    t = t > box.exit ? box.exit : t;
+    return t >= tnear && t <= tfar;
+  }
 }
 
 }  // namespace raymill::traversal::RAYMILL_ISA

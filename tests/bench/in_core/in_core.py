@@ -111,7 +111,7 @@ def parse():
     options.add_argument("--work", type=pathlib.Path, help="folder for scenes, stores and rays; default: one that is removed")
     options.add_argument("--scenes", default="terrain:2M,city:10M,forest:10M", help="separated by commas (%(default)s)")
     options.add_argument("--rays", default="500k", help="of each kind (%(default)s)")
-    options.add_argument("--mode", default="watertight", help="watertight or fast (%(default)s)")
+    options.add_argument("--mode", default="watertight", help="watertight, fast or exact (%(default)s)")
     options.add_argument("--repeat", default=5, type=int, help="(%(default)s)")
     options.add_argument("--single", action="store_true", help="leave out Embree's packets and streams")
     options.add_argument("--short", action="store_true", help="the form that ctest runs")

@@ -192,13 +192,13 @@ struct Scene {
   std::shared_ptr<Store> opened;
 };
 
-// Embree is robust where we are watertight.
+// Embree is robust where we are watertight or exact.
 Result<Scene> load(const Options& options) {
   RAYMILL_ASSIGN_OR_RETURN(auto store, ResidentStore::load(options.store));
   RAYMILL_ASSIGN_OR_RETURN(const auto run, choose_run(options));
   Scene scene{.store = std::move(store), .run = run, .embree = {}, .engine = {}, .opened = {}};
   if (!options.no_embree) {
-    RAYMILL_ASSIGN_OR_RETURN(auto embree, embree_of_files({options.scene}, {.robust = run.mode == Mode::watertight}));
+    RAYMILL_ASSIGN_OR_RETURN(auto embree, embree_of_files({options.scene}, {.robust = run.mode != Mode::fast}));
     scene.embree.emplace(std::move(embree));
   }
   if (options.engine) {
@@ -291,7 +291,8 @@ int main(int argc, char** argv) {
   app.add_option("STORE", options.store, "The store")->required();
   app.add_option("RAYS", options.rays, "Ray files")->required();
   app.add_option("--query", options.query, "closest or any")->capture_default_str();
-  app.add_option("--mode", options.mode, "watertight (beside Embree's robust mode) or fast")->capture_default_str();
+  app.add_option("--mode", options.mode, "watertight or exact (beside Embree's robust mode), or fast")
+      ->capture_default_str();
   app.add_option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
   app.add_option("--repeat", options.repeat, "Repetitions")->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--batch", options.batch_rays, "Rays that a kernel is given at once")

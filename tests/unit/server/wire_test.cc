@@ -30,6 +30,26 @@ TEST(Wire, EveryPrefixOfAMessageIsRefusedOrWhole) {
   }
 }
 
+TEST(Wire, EveryQueryAndModeComesBack) {
+  for (const Query query : {Query::closest, Query::any}) {
+    EXPECT_EQ(from_wire(to_wire(query)), query);
+  }
+  pb::ClientMessage message;
+  message.set_sequence(1);
+  pb::StartJob& start = *message.mutable_start_job();
+  start.set_store("city");
+  start.set_query(pb::QUERY_CLOSEST);
+  start.set_fields(1);
+  for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
+    EXPECT_EQ(from_wire(to_wire(mode)), mode);
+    start.set_mode(to_wire(mode));
+    EXPECT_TRUE(decode_text(message).ok());
+    EXPECT_EQ(to_trace_config(start).mode, mode);
+  }
+  start.set_mode(pb::MODE_UNSPECIFIED);
+  EXPECT_FALSE(decode_text(message).ok());
+}
+
 TEST(Wire, RowsMustFillTheirFrame) {
   pb::ServerMessage message;
   message.mutable_rows()->set_job("0123456789abcdef");

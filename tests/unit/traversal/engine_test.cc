@@ -290,17 +290,21 @@ TEST_F(EngineTest, CallersFloatModeChangesNothing) {
   for (int i = 0; i < 500; ++i) {
     rays.push_back(tests::ray({random.uniform(0, 1e-37F), random.uniform(0, 1e-37F), 1e-36F}, {0, 0, -1}));
   }
-  const Traced before = tests::trace(path, rays);
+  for (const Mode mode : {Mode::watertight, Mode::exact}) {
+    tests::TraceSetup setup;
+    setup.trace.mode = mode;
+    const Traced before = tests::trace(path, rays, setup);
 #if defined(__x86_64__)
-  const unsigned mode = __builtin_ia32_stmxcsr();
-  __builtin_ia32_ldmxcsr(mode | 0x8040 | 0x6000);  // flush to zero, denormals are zero, round towards zero
+    const unsigned control = __builtin_ia32_stmxcsr();
+    __builtin_ia32_ldmxcsr(control | 0x8040 | 0x6000);  // flush to zero, denormals are zero, round towards zero
 #endif
-  const Traced during = tests::trace(path, rays);
+    const Traced during = tests::trace(path, rays, setup);
 #if defined(__x86_64__)
-  __builtin_ia32_ldmxcsr(mode);
+    __builtin_ia32_ldmxcsr(control);
 #endif
-  EXPECT_TRUE(same(before.hits, during.hits));
-  EXPECT_GT(before.stats.hits, 400u);
+    EXPECT_TRUE(same(before.hits, during.hits)) << to_string(mode);
+    EXPECT_GT(before.stats.hits, 400u) << to_string(mode);
+  }
 }
 
 TEST_F(EngineTest, InfoSaysWhatTheStoreHolds) {

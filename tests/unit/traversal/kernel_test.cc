@@ -74,7 +74,7 @@ TEST_P(KernelOf, AgreesWithTheOracle) {
 // ISA, width, bitstack, residency and batch: the same bits, and for one width and residency the same work.
 TEST_P(KernelOf, EveryIsaWidthAndScheduleGivesTheSameBits) {
   for (const Query query : {Query::closest, Query::any}) {
-    for (const Mode mode : {Mode::watertight, Mode::fast}) {
+    for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
       std::vector<Hit> first;
       std::vector<Ray> rays;
       for (const unsigned width : {8u, 4u}) {
@@ -116,7 +116,7 @@ TEST_P(KernelOf, AnyHitIsThereExactlyWhereAClosestHitIs) {
   const Pages pages = build_pages(scene_, 8);
   const LoadedPages loaded = load_pages(pages);
   const std::vector<Ray> rays = random_rays(random_, pages.tree.bounds, 2000);
-  for (const Mode mode : {Mode::watertight, Mode::fast}) {
+  for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
     const auto closest = run_kernel(loaded, rays, {.mode = mode}).hits;
     const auto any = run_kernel(loaded, rays, {.query = Query::any, .mode = mode}).hits;
     for (std::size_t i = 0; i < rays.size(); ++i) {

@@ -57,7 +57,7 @@ TEST_F(LayoutTest, EveryKernelGivesTheSameHitsByBoth) {
   for (const unsigned width : {4u, 8u}) {
     const std::string path = store(width);
     for (const std::string& isa : available_isas()) {
-      for (const Mode mode : {Mode::watertight, Mode::fast}) {
+      for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
         for (const Query query : {Query::closest, Query::any}) {
           SCOPED_TRACE(isa + ", width " + std::to_string(width) + ", " + std::string(to_string(mode)) + ", " +
                        std::string(to_string(query)));
@@ -72,6 +72,44 @@ TEST_F(LayoutTest, EveryKernelGivesTheSameHitsByBoth) {
           EXPECT_EQ(by_tree.stats.rays_expanded + by_tree.stats.invalid, rays_.size());
           EXPECT_EQ(by_tree.stats.pages_read, 0u);
           EXPECT_GT(by_tree.stats.expand_seconds, 0);
+        }
+      }
+    }
+  }
+}
+
+// Rows of a picture; some rays that are odd among them.
+std::vector<Ray> picture(std::size_t side) {
+  std::vector<Ray> rays(side * side);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const float x = float(i % side) / float(side) - 0.5F, y = float(i / side) / float(side) - 0.5F;
+    rays[i].org = {0.1F, 0.2F, 4};
+    rays[i].dir = {x * 0.9F, y * 0.9F, -1};
+    rays[i].tfar = i % 71 == 0 ? 3.5F : rays[i].tfar;
+    rays[i].tnear = i % 67 == 0 ? 3.9F : 0;
+    rays[i].dir[0] = i % 501 == 0 ? 0.0F : rays[i].dir[0];
+  }
+  return rays;
+}
+
+TEST_F(LayoutTest, CoherentRaysGoTogetherAndHitWhatTheyHitAlone) {
+  const std::vector<Ray> rays = picture(128);
+  for (const unsigned width : {4u, 8u}) {
+    const std::string path = store(width);
+    for (const std::string& isa : available_isas()) {
+      for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
+        for (const Query query : {Query::closest, Query::any}) {
+          SCOPED_TRACE(isa + ", width " + std::to_string(width) + ", " + std::string(to_string(mode)) + ", " +
+                       std::string(to_string(query)));
+          TraceSetup compact = by_layout("compact"), expanded = by_layout("expanded");
+          for (TraceSetup* setup : {&compact, &expanded}) {
+            setup->engine.isa = isa;
+            setup->trace.mode = mode;
+            setup->trace.query = query;
+          }
+          const Traced alone = tests::trace(path, rays, compact), together = tests::trace(path, rays, expanded);
+          expect_same(alone, together);
+          EXPECT_LT(together.stats.nodes_visited, alone.stats.nodes_visited * 3 / 4);
         }
       }
     }

@@ -13,7 +13,7 @@ TEST(Query, NamesAreParsedBack) {
   for (const Query query : {Query::closest, Query::any}) {
     EXPECT_EQ(*parse_query(to_string(query)), query);
   }
-  for (const Mode mode : {Mode::watertight, Mode::fast}) {
+  for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
     EXPECT_EQ(*parse_mode(to_string(mode)), mode);
   }
   EXPECT_EQ(parse_query("nearest").status().code(), ErrorCode::invalid_argument);

@@ -62,6 +62,22 @@ TEST(RecordLayout, RecordGivesTheRayBackForEveryDepth) {
   }
 }
 
+TEST(RecordLayout, CornersOfTheHitComeBackWhereTheyAreKept) {
+  tests::Random random(5);
+  RayState ray = ray_at(8, 16, random), back;
+  ray.has_hit = true;
+  ray.corners = {{{1, 2, 3}, {4, 5, 6}, {-7, 8, 0x1p-149F}}};
+  for (const KeptCorners kept : {KeptCorners::none, KeptCorners::of_hit}) {
+    const RecordLayout layout(Field::all, kept);
+    std::vector<std::byte> record(layout.most_bytes());
+    const std::size_t bytes = layout.pack(ray, record.data());
+    EXPECT_EQ(bytes, layout.bytes(record.data()));
+    layout.unpack(record.data(), back);
+    EXPECT_EQ(back.corners == ray.corners, kept == KeptCorners::of_hit);
+    EXPECT_EQ(back.stack.words, ray.stack.words);
+  }
+}
+
 TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   RayState ray;
   const RecordLayout layout(Field::t | Field::ids);
@@ -73,6 +89,9 @@ TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   ray.has_hit = true;
   EXPECT_EQ(layout.bytes(ray), 50u) << "two ids; t is tfar";
   EXPECT_EQ(RecordLayout(Field::none).bytes(ray), 42u);
+  EXPECT_EQ(RecordLayout(Field::none, KeptCorners::of_hit).bytes(ray), 78u) << "in mode exact, the hit's corners";
+  ray.has_hit = false;
+  EXPECT_EQ(RecordLayout(Field::none, KeptCorners::of_hit).bytes(ray), 42u);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "traversal/expansion.h"
+#include "traversal/store_expansion.h"
 
 #include "storage/base/quotes.h"
 
@@ -27,25 +27,25 @@ std::uint64_t buffer_bytes(const storage::StoreFile& store) {
 
 }  // namespace
 
-std::uint64_t Expansion::bytes(const storage::StoreFile& store, unsigned threads) {
+std::uint64_t StoreExpansion::bytes(const storage::StoreFile& store, unsigned threads) {
   return ExpandedTree::bytes(store) + TreeExpander::bytes(store) + threads * buffer_bytes(store);
 }
 
-Result<std::unique_ptr<Expansion>> Expansion::create(const storage::StoreFile& store, unsigned threads,
-                                                     storage::Ledger& ledger) {
-  std::unique_ptr<Expansion> expansion(new Expansion(store, threads));
+Result<std::unique_ptr<StoreExpansion>> StoreExpansion::create(const storage::StoreFile& store, unsigned threads,
+                                                               storage::Ledger& ledger) {
+  std::unique_ptr<StoreExpansion> expansion(new StoreExpansion(store, threads));
   RAYMILL_ASSIGN_OR_RETURN(expansion->buffers_claim_,
                            ledger.claim(storage::Tag::decode, threads * buffer_bytes(store)));
   RAYMILL_ASSIGN_OR_RETURN(expansion->expander_, TreeExpander::create(store, ledger));
   return expansion;
 }
 
-PageId Expansion::take() {
+PageId StoreExpansion::take() {
   ++out_;
   return PageId{next_page_++};
 }
 
-bool Expansion::settle(const Status& status) {
+bool StoreExpansion::settle(const Status& status) {
   --out_;
   if (status_.ok()) {
     status_ = status;
@@ -53,7 +53,7 @@ bool Expansion::settle(const Status& status) {
   return status_.ok() && out_ == 0 && next_page_ == store_.page_count();
 }
 
-Status Expansion::expand(unsigned worker, PageId page, storage::PageDecoder& decoder, const std::byte* image) {
+Status StoreExpansion::expand(unsigned worker, PageId page, storage::PageDecoder& decoder, const std::byte* image) {
   if (image != nullptr) {
     return expander_->add(page, image);
   }

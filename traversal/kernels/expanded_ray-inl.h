@@ -1,0 +1,164 @@
+// A ray at work in the expanded layout, and what it does at nodes and leaves; compiled once per ISA. The includer
+// defines RAYMILL_ISA and includes its simd header first.
+//
+// Every number that decides about a hit is that of kernel-inl.h: the same box formula, the same triangle tests, the
+// same rule for equal t.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <limits>
+
+#include "traversal/expanded_tree.h"
+#include "traversal/kernel.h"
+#include "traversal/kernels/exact-inl.h"
+#include "traversal/kernels/slot_order-inl.h"
+#include "traversal/kernels/triangle-inl.h"
+#include "traversal/ray_state.h"
+
+namespace raymill::traversal::RAYMILL_ISA {
+
+// The same numbers as test_boxes (kernel-inl.h) from planes that are decoded.
+template <int N, Mode kMode>
+[[gnu::always_inline]] inline unsigned test_planes(const ExpandedNode<N>& node, const RayFrame& ray, float tnear,
+                                                   float tfar, std::array<float, N>& entries) {
+  auto near = Floats<N>::broadcast(begin_of<kMode>(tnear));
+  auto far = Floats<N>::broadcast(std::numeric_limits<float>::infinity());
+  for (int axis = 0; axis < 3; ++axis) {
+    const unsigned negative = ray.octant >> axis & 1;
+    const auto org = Floats<N>::broadcast(ray.org[axis]), rdir = Floats<N>::broadcast(ray.rdir[axis]);
+    near = max_keep((Floats<N>::load(node.planes[negative][axis].data()) - org) * rdir, near);
+    far = min_keep((Floats<N>::load(node.planes[negative ^ 1][axis].data()) - org) * rdir, far);
+  }
+  far = far + abs(far) * Floats<N>::broadcast(kExitPad);
+  if constexpr (kMode == Mode::exact) {
+    far = far + Floats<N>::broadcast(kExactSlack);
+  }
+  near.store(entries.data());
+  return less_equal(near, min_keep(far, Floats<N>::broadcast(end_of<kMode>(tfar)))) & node.valid;
+}
+
+template <Query kQuery, Mode kMode>
+struct ExpandedRay {
+  RayFrame frame;
+  float tnear, tfar;
+  RayState* ray;
+  LeafRows leaf;        // that is tested
+  unsigned candidates;  // of its triangles
+  Quotients quotients;  // of them, in mode fast
+  LeafRows hit_leaf;    // rows null: nothing was hit
+  std::uint32_t hit_triangle;
+
+  void begin(RayState& from) {
+    ray = &from;
+    frame = make_frame(from.org, from.dir);
+    if constexpr (kMode == Mode::exact) {
+      prepare_exact_boxes(frame);
+    }
+    tnear = from.tnear;
+    tfar = from.tfar;
+    hit_leaf.rows = nullptr;
+  }
+
+  // Which triangles of the leaf may be hit.
+  [[gnu::always_inline]] void filter_leaf() {
+    const unsigned used = (1U << leaf.count) - 1;
+    if constexpr (kMode == Mode::fast) {
+      candidates = moeller_trumbore(frame, leaf, quotients) & used;
+    } else {
+      candidates = woop_filter(frame, leaf, begin_of<kMode>(tnear), end_of<kMode>(tfar)) & used;
+    }
+  }
+
+  // True: no other hit is wanted.
+  bool decide_leaf(bool need_normal) {
+    for (unsigned mask = candidates; mask != 0; mask &= mask - 1) {
+      const int i = std::countr_zero(mask);
+      const Corners corners = leaf.triangle(i);
+      Candidate hit;
+      if constexpr (kMode == Mode::watertight) {
+        if (!woop_decide(frame, corners, hit)) {
+          continue;
+        }
+      } else if constexpr (kMode == Mode::exact) {
+        if (!exact_decide(frame, corners, {tnear, tfar, ray->has_hit}, hit)) {
+          continue;
+        }
+      } else {
+        hit = {quotients.t[i], quotients.u[i], quotients.v[i]};
+      }
+      if (offer(hit, corners, static_cast<std::uint32_t>(i), need_normal)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  // Where the ids of the hit stand.
+  [[nodiscard]] const float* hit_ids() const { return hit_leaf.rows + kCornerRows * hit_leaf.count + hit_triangle; }
+
+  void report() {
+    if (hit_leaf.rows != nullptr) {
+      const Ids ids = ids_of(hit_leaf, hit_triangle);
+      ray->hit.geometry_id = ids.geometry;
+      ray->hit.primitive_id = ids.primitive;
+    }
+    ray->tfar = tfar;
+    ray->done = true;
+  }
+
+ private:
+  struct Ids {
+    std::uint32_t geometry, primitive;
+    bool operator<(const Ids& other) const {
+      return geometry < other.geometry || (geometry == other.geometry && primitive < other.primitive);
+    }
+  };
+  static Ids ids_of(const LeafRows& leaf, std::uint32_t triangle) {
+    const float* ids = leaf.rows + kCornerRows * leaf.count + triangle;
+    return {std::bit_cast<std::uint32_t>(ids[leaf.count]), std::bit_cast<std::uint32_t>(ids[0])};
+  }
+
+  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, bool need_normal) {
+    float t = 0;
+    if (!place_hit<kMode>(frame, corners, hit, tnear, tfar, t)) {
+      return false;
+    }
+    if constexpr (kQuery == Query::any) {
+      ray->hit = {};
+      ray->hit.t = 0;
+      ray->has_hit = true;
+      return true;
+    } else {
+      if (t == tfar && ray->has_hit && !wins_tie(corners, triangle)) {
+        return false;
+      }
+      tfar = t;
+      hit_leaf = leaf;
+      hit_triangle = triangle;
+      ray->has_hit = true;
+      ray->hit.t = t;
+      set_barycentrics(ray->hit, hit);
+      if (need_normal) {
+        ray->hit.normal = normal_of(corners);
+      }
+      if constexpr (kMode == Mode::exact) {
+        ray->corners = corners;
+      }
+      return false;
+    }
+  }
+
+  // Against the best so far, at equal t: in mode exact by t before it was rounded, then by the ids.
+  [[nodiscard]] bool wins_tie(const Corners& corners, std::uint32_t triangle) const {
+    if constexpr (kMode == Mode::exact) {
+      const int order = exact_order({frame.org, frame.dir}, corners, ray->corners);
+      if (order != 0) {
+        return order < 0;
+      }
+    }
+    return ids_of(leaf, triangle) < ids_of(hit_leaf, hit_triangle);
+  }
+};
+
+}  // namespace raymill::traversal::RAYMILL_ISA

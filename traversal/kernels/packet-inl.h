@@ -1,0 +1,205 @@
+// Packets: coherent rays that go through the expanded layout together, compiled once per ISA. The includer defines
+// RAYMILL_ISA and includes its simd header first.
+//
+// A node is visited once for all rays of a packet, by intervals (Boulos, Wald, Shirley 2006, "Geometric and arithmetic
+// culling methods for entire ray packets"): of the packet's origins and reciprocal directions only the least and the
+// greatest stand in the box test. At a leaf each ray first meets the leaf's box on its own, eight rays a step, then its
+// triangles.
+//
+// No ray misses a box that it would meet alone: plane - org and its product with rdir are monotone in org and rdir, bit
+// for bit, so the least of a packet's products is no later than any ray's entry, the greatest no earlier than any ray's
+// exit; padding is monotone too (slab.h). That rays meet boxes more often than alone changes no answer.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <span>
+
+#include "traversal/kernels/expanded_ray-inl.h"
+
+namespace raymill::traversal::RAYMILL_ISA {
+
+constexpr std::size_t kPacketRays = 16;  // measured: speed.md
+
+// Whether rays have so much in common that a packet visits few nodes that they would not visit alone: directions in one
+// octant, none of their components zero, and within an eighth of their length; origins within `width` of each other.
+inline bool is_coherent(std::span<const RayState, kPacketRays> rays, float width) {
+  constexpr float kSpread = 1.0F / 8;
+  for (int axis = 0; axis < 3; ++axis) {
+    float least_org = rays[0].org[axis], most_org = least_org, least_dir = rays[0].dir[axis], most_dir = least_dir;
+    for (const RayState& ray : rays) {
+      least_org = std::min(least_org, ray.org[axis]);
+      most_org = std::max(most_org, ray.org[axis]);
+      least_dir = std::min(least_dir, ray.dir[axis]);
+      most_dir = std::max(most_dir, ray.dir[axis]);
+      if (std::signbit(ray.dir[axis]) != std::signbit(rays[0].dir[axis])) {
+        return false;
+      }
+    }
+    const auto& dir = rays[0].dir;
+    const float length = std::max({std::fabs(dir[0]), std::fabs(dir[1]), std::fabs(dir[2])});
+    const float least = std::min(std::fabs(least_dir), std::fabs(most_dir));
+    if (!(most_org - least_org <= width && most_dir - least_dir <= length * kSpread && 1.0F / least <= 0x1p120F)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+template <int N, Query kQuery, Mode kMode>
+class ExpandedPacket {
+ public:
+  static constexpr std::size_t kRays = kPacketRays;
+
+  ExpandedPacket(ExpandedContext& context, std::span<RayState, kRays> rays)
+      : context_(context),
+        nodes_(static_cast<const ExpandedNode<N>*>(context.tree.nodes)),
+        blocks_(context.tree.blocks) {
+    for (std::size_t i = 0; i < kRays; ++i) {
+      rays_[i].begin(rays[i]);
+      begins_[i] = begin_of<kMode>(rays_[i].tnear);
+      ends_[i] = end_of<kMode>(rays_[i].tfar);
+      for (int axis = 0; axis < 3; ++axis) {
+        org_[axis][i] = rays_[i].frame.org[axis];
+        rdir_[axis][i] = rays_[i].frame.rdir[axis];
+      }
+    }
+    octant_ = rays_[0].frame.octant;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto [least_org, most_org] = std::minmax_element(org_[axis].begin(), org_[axis].end());
+      const auto [least_rdir, most_rdir] = std::minmax_element(rdir_[axis].begin(), rdir_[axis].end());
+      const bool negative = (octant_ >> axis & 1) != 0;
+      near_org_[axis] = negative ? *least_org : *most_org;
+      far_org_[axis] = negative ? *most_org : *least_org;
+      least_rdir_[axis] = *least_rdir;
+      most_rdir_[axis] = *most_rdir;
+      // Mode exact takes an axis away from a ray that it cannot rely on there (NaN): then from all.
+      for (const float rdir : rdir_[axis]) {
+        least_rdir_[axis] = std::isnan(rdir) ? rdir : least_rdir_[axis];
+        most_rdir_[axis] = std::isnan(rdir) ? rdir : most_rdir_[axis];
+      }
+    }
+    begin_ = *std::min_element(begins_.begin(), begins_.end());
+    end_ = *std::max_element(ends_.begin(), ends_.end());
+  }
+
+  void run() {
+    path_[0] = nodes_ + context_.tree.root;
+    visit(0);
+    while (levels_ != 0) {
+      const auto level = static_cast<unsigned>(std::bit_width(levels_)) - 1;
+      const ExpandedNode<N>& node = *path_[level];
+      const unsigned mask = masks_[level];
+      const unsigned slot = first_slot<N>(node, octant_, mask);
+      masks_[level] = static_cast<std::uint8_t>(mask & ~(1U << slot));
+      levels_ ^= static_cast<std::uint32_t>((mask & (mask - 1)) == 0) << level;
+      if (!(entries_[level][slot] <= end_)) {
+        continue;
+      }
+      if (node.count[slot] == 0) {
+        path_[level + 1] = nodes_ + node.child[slot];
+        visit(level + 1);
+      } else {
+        meet_leaf(node, slot);
+      }
+    }
+    for (auto& ray : rays_) {
+      ray.report();
+    }
+  }
+
+ private:
+  static constexpr unsigned kLevels = storage::kBitstackBits / N;
+  static constexpr std::size_t kGroup = 8;
+
+  // The packet's interval in each child's box.
+  void visit(unsigned level) {
+    const ExpandedNode<N>& node = *path_[level];
+    auto near = Floats<N>::broadcast(begin_);
+    auto far = Floats<N>::broadcast(std::numeric_limits<float>::infinity());
+    for (int axis = 0; axis < 3; ++axis) {
+      const unsigned negative = octant_ >> axis & 1;
+      const auto least = Floats<N>::broadcast(least_rdir_[axis]), most = Floats<N>::broadcast(most_rdir_[axis]);
+      const auto to_near = Floats<N>::load(node.planes[negative][axis].data()) - Floats<N>::broadcast(near_org_[axis]);
+      const auto to_far =
+          Floats<N>::load(node.planes[negative ^ 1][axis].data()) - Floats<N>::broadcast(far_org_[axis]);
+      near = max_keep(min_keep(to_near * least, to_near * most), near);
+      far = min_keep(max_keep(to_far * least, to_far * most), far);
+    }
+    far = far + abs(far) * Floats<N>::broadcast(kExitPad);
+    if constexpr (kMode == Mode::exact) {
+      far = far + Floats<N>::broadcast(kExactSlack);
+    }
+    near.store(entries_[level].data());
+    const unsigned mask = less_equal(near, min_keep(far, Floats<N>::broadcast(end_))) & node.valid;
+    masks_[level] = static_cast<std::uint8_t>(mask);
+    levels_ |= static_cast<std::uint32_t>(mask != 0) << level;
+    ++context_.counters.nodes_visited;
+    for (unsigned rest = mask; rest != 0; rest &= rest - 1) {
+      const auto slot = static_cast<unsigned>(std::countr_zero(rest));
+      const void* wanted = node.count[slot] != 0 ? static_cast<const void*>(blocks_ + node.child[slot])
+                                                 : static_cast<const void*>(nodes_ + node.child[slot]);
+      __builtin_prefetch(wanted);
+      __builtin_prefetch(static_cast<const std::byte*>(wanted) + 64);
+    }
+  }
+
+  // Rays of a group of eight that meet the box in `slot`, each by its own numbers.
+  unsigned meet_box(const ExpandedNode<N>& node, unsigned slot, std::size_t first) const {
+    auto near = Float8::load(&begins_[first]);
+    auto far = Float8::broadcast(std::numeric_limits<float>::infinity());
+    for (int axis = 0; axis < 3; ++axis) {
+      const unsigned negative = octant_ >> axis & 1;
+      const auto org = Float8::load(&org_[axis][first]), rdir = Float8::load(&rdir_[axis][first]);
+      near = max_keep((Float8::broadcast(node.planes[negative][axis][slot]) - org) * rdir, near);
+      far = min_keep((Float8::broadcast(node.planes[negative ^ 1][axis][slot]) - org) * rdir, far);
+    }
+    far = far + abs(far) * Float8::broadcast(kExitPad);
+    if constexpr (kMode == Mode::exact) {
+      far = far + Float8::broadcast(kExactSlack);
+    }
+    return less_equal(near, min_keep(far, Float8::load(&ends_[first])));
+  }
+
+  void meet_leaf(const ExpandedNode<N>& node, unsigned slot) {
+    const LeafRows leaf{blocks_ + node.child[slot], node.count[slot]};
+    bool is_nearer = false;
+    for (std::size_t first = 0; first < kRays; first += kGroup) {
+      for (unsigned mask = meet_box(node, slot, first); mask != 0; mask &= mask - 1) {
+        const std::size_t i = first + static_cast<unsigned>(std::countr_zero(mask));
+        auto& ray = rays_[i];
+        ray.leaf = leaf;
+        ray.filter_leaf();
+        context_.counters.triangles_tested += leaf.count;
+        if (ray.candidates == 0) {
+          continue;
+        }
+        const bool is_done = ray.decide_leaf(context_.need_normal);
+        // Nothing is before an end at -infinity.
+        ends_[i] = is_done ? -std::numeric_limits<float>::infinity() : end_of<kMode>(ray.tfar);
+        is_nearer = true;
+      }
+    }
+    if (is_nearer) {
+      end_ = *std::max_element(ends_.begin(), ends_.end());
+    }
+  }
+
+  ExpandedContext& context_;
+  const ExpandedNode<N>* const nodes_;
+  const float* const blocks_;
+  unsigned octant_ = 0;
+  float begin_ = 0, end_ = 0;
+  std::array<float, 3> near_org_, far_org_, least_rdir_, most_rdir_;
+  std::uint32_t levels_ = 0;
+  std::array<std::uint8_t, kLevels> masks_;
+  std::array<const ExpandedNode<N>*, kLevels + 1> path_;
+  std::array<std::array<float, N>, kLevels> entries_;
+  alignas(32) std::array<std::array<float, kRays>, 3> org_, rdir_;
+  alignas(32) std::array<float, kRays> begins_, ends_;
+  std::array<ExpandedRay<kQuery, kMode>, kRays> rays_;
+};
+
+}  // namespace raymill::traversal::RAYMILL_ISA
