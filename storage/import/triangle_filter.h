@@ -25,8 +25,10 @@ class TriangleWriter {
   TriangleWriter(TriangleSink& sink, ImportReport& report);
 
   /// Later triangles belong to the last entry of report.geometries.
-  void begin_geometry();
-  /// Judges the next triangle of the geometry. Errors: the sink's.
+  void begin_geometry() { resume_geometry(report_.geometries.size() - 1); }
+  /// Later triangles belong to that entry of report.geometries, after those that it has.
+  void resume_geometry(std::size_t geometry) { geometry_id_ = static_cast<std::uint32_t>(geometry); }
+  /// Judges the next triangle of the geometry. Errors: the sink's, unsupported (more triangles than primitive ids).
   Status add(const std::array<Vec3f, 3>& corners);
   /// Hands on what is left. Errors: the sink's.
   Status flush();

@@ -20,7 +20,7 @@ Result<BuildReport> build_one_run(const BuildConfig& config) {
   constexpr std::uint64_t kNoCut = std::numeric_limits<std::uint32_t>::max();
   RAYMILL_ASSIGN_OR_RETURN(const auto builder, storage::StoreBuilder::create(config, kNoCut));
   for (const std::string& scene : config.scenes) {
-    RAYMILL_RETURN_IF_ERROR(storage::import_gltf(scene, {}, builder->ledger(), *builder, builder->import_report()));
+    RAYMILL_RETURN_IF_ERROR(storage::import_scene(scene, {}, builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }
