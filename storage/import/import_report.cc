@@ -38,6 +38,8 @@ std::string_view to_string(ImportCode code) {
       return "quantized_positions";
     case ImportCode::polygons:
       return "polygons";
+    case ImportCode::meshopt_views:
+      return "meshopt_views";
   }
   return "unknown";
 }

@@ -39,6 +39,7 @@ enum class ImportCode : std::uint16_t {
   sparse_accessors = 301,
   quantized_positions = 302,
   polygons = 303,       ///< faces of more than three corners: cut into triangles
+  meshopt_views = 304,  ///< bufferViews that EXT_meshopt_compression compresses
 };
 std::string_view to_string(ImportCode code);
 

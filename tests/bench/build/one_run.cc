@@ -30,7 +30,7 @@ int run(int argc, char** argv) {
   config.output = "/dev/null";
   std::string memory = "64G";
   CLI::App app("The tree that a build would make if it cut nothing");
-  app.add_option("SCENE", config.scenes, "glTF files")->required();
+  app.add_option("SCENE", config.scenes, "Scene files")->required();
   app.add_option("--memory", memory, "Limit of the whole process (64G)")->type_name("SIZE");
   try {
     app.parse(argc, argv);
