@@ -28,6 +28,7 @@ class ObjImport {
   Status run() {
     RAYMILL_ASSIGN_OR_RETURN(const BudgetReservation scratch, import_.ledger.claim(Tag::build, kObjScratchBytes));
     RAYMILL_ASSIGN_OR_RETURN(names_claim_, import_.ledger.claim(Tag::build, 0));
+    RAYMILL_ASSIGN_OR_RETURN(text_begin_, text_offset(import_.file));
     RAYMILL_RETURN_IF_ERROR(read_vertices());
     RAYMILL_RETURN_IF_ERROR(read_faces());
     return geometries_.empty() ? only_points(vertices_.size()) : Status();
@@ -40,7 +41,7 @@ class ObjImport {
   };
 
   Status read_vertices() {
-    TextReader text(import_.file, 0, kObjStyle);
+    TextReader text(import_.file, text_begin_, kObjStyle);
     do {
       if (text.word() != "v") {
         continue;
@@ -55,6 +56,7 @@ class ObjImport {
       if (!vertices_.add(position).ok()) {
         return too_many_vertices(text);
       }
+      RAYMILL_RETURN_IF_ERROR(import_.out.pulse());
     } while (text.next_line());
     return text.status();
   }
@@ -64,6 +66,7 @@ class ObjImport {
     std::uint64_t count = vertices_.size();
     while (text.next_line()) {
       count += text.word() == "v" ? 1 : 0;
+      RAYMILL_RETURN_IF_ERROR(import_.out.pulse());
     }
     RAYMILL_RETURN_IF_ERROR(text.status());
     vertices_.clear();
@@ -73,12 +76,13 @@ class ObjImport {
   }
 
   Status read_faces() {
-    TextReader text(import_.file, 0, kObjStyle);
+    TextReader text(import_.file, text_begin_, kObjStyle);
     do {
       const std::string_view keyword = text.word();
       Status status;
       if (keyword == "v") {
         ++vertices_met_;
+        status = import_.out.pulse();
       } else if (keyword == "f" || keyword == "fo") {
         status = read_face(text);
       } else if (keyword == "o") {
@@ -173,6 +177,7 @@ class ObjImport {
   const MeshImport& import_;
   PolygonWriter polygons_;
   VertexBlocks vertices_;
+  std::uint64_t text_begin_ = 0;
   std::uint64_t vertices_met_ = 0;
   Names names_;
   bool renamed_ = true;

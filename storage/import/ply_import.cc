@@ -91,6 +91,7 @@ class PlyImport {
   template <typename Take>
   Status for_rows(const PlyElement& element, const Take& take) {
     for (std::uint64_t row = 0; row < element.count; ++row) {
+      RAYMILL_RETURN_IF_ERROR(import_.out.pulse());
       for (const PlyProperty& property : element.properties) {
         Status status = take(property);
         if (!status.ok()) {

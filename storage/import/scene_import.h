@@ -83,7 +83,8 @@ struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
 };
 
-/// Takes triangles as they come. Called from one thread; an error ends the import with that error.
+/// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be
+/// stopped. Called from one thread; an error ends the import with that error.
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;

@@ -1,6 +1,7 @@
 #include "storage/import/text_reader.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -29,6 +30,16 @@ std::errc parse_whole(std::string_view word, T& value) {
 }
 
 }  // namespace
+
+Result<std::uint64_t> text_offset(const ByteSource& file) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (file.size_bytes() < kMark.size()) {
+    return std::uint64_t{0};
+  }
+  std::array<char, kMark.size()> head;
+  RAYMILL_RETURN_IF_ERROR(file.read(0, std::as_writable_bytes(std::span(head))));
+  return std::string_view(head.data(), head.size()) == kMark ? std::uint64_t{kMark.size()} : std::uint64_t{0};
+}
 
 bool parse_float(std::string_view word, float& value) {
   word = without_plus(word);

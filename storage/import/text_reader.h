@@ -10,6 +10,9 @@
 
 namespace raymill::storage {
 
+/// 3 where `file` begins with the byte order mark of UTF-8, else 0: where its text begins. Errors: io.
+Result<std::uint64_t> text_offset(const ByteSource& file);
+
 /// A number as C writes it, with a sign, "nan" and "inf" allowed; rounded once to float32. A finite number beyond
 /// float32 becomes the largest one, as round_once() does. False where `word` is anything else.
 bool parse_float(std::string_view word, float& value);

@@ -104,13 +104,10 @@ Status TriangleWriter::add(const std::array<Vec3f, 3>& corners) {
   ++geometry.kept;
   ++report_.kept;
   piece_.push_back({corners, geometry_id_, primitive_id});
-  return piece_.size() == kPieceTriangles ? flush() : Status();
+  return piece_.size() == kPieceTriangles ? hand_on() : Status();
 }
 
-Status TriangleWriter::flush() {
-  if (piece_.empty()) {
-    return {};
-  }
+Status TriangleWriter::hand_on() {
   Status status = sink_.add(piece_);
   sink_failed_ = !status.ok();
   piece_.clear();

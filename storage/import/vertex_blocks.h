@@ -13,7 +13,7 @@ namespace raymill::storage {
 
 class VertexBlocks {
  public:
-  static constexpr std::uint64_t kBlockVertices = 1 << 16;
+  static constexpr std::uint64_t kBlockVertices = 1 << 14;
 
   explicit VertexBlocks(Ledger& ledger) : ledger_(ledger) {}
 

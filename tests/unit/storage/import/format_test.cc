@@ -56,5 +56,35 @@ TEST(SceneFormat, ErrorsOfTheSinkPassAsTheyAre) {
   EXPECT_EQ(status.message(), "no room");
 }
 
+TEST(SceneFormat, ALongReadOfVerticesCanBeStopped) {
+  class Stopped final : public TriangleSink {
+   public:
+    Status add(std::span<const Triangle> triangles) override {
+      EXPECT_TRUE(triangles.empty());
+      return {ErrorCode::interrupted, "stopped"};
+    }
+  };
+  std::string points;
+  for (int i = 0; i < 70000; ++i) {
+    points += "1 2 3\n";
+  }
+  std::string obj;
+  for (std::size_t at = 0; at < points.size(); at += 6) {
+    obj += "v " + points.substr(at, 6);
+  }
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 70000\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_index\nend_header\n" +
+      points + "3 0 1 2\n";
+  for (const std::string& file : {obj, ply}) {
+    Stopped stopped;
+    ImportReport report;
+    Ledger ledger(mebibytes(64));
+    const Status status = import_scene_memory(std::as_bytes(std::span(file)), "a.obj", {}, ledger, stopped, report);
+    EXPECT_EQ(status.code(), ErrorCode::interrupted);
+    EXPECT_EQ(status.message(), "stopped");
+  }
+}
+
 }  // namespace
 }  // namespace raymill::storage

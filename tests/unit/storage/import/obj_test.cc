@@ -72,6 +72,12 @@ TEST(Obj, WhatIsNoFaceIsCounted) {
   EXPECT_EQ(imported.report.counts.at(ImportCode::left_out_curves), 2U);
 }
 
+TEST(Obj, AByteOrderMarkHidesNoVertex) {
+  const Imported imported = import_named("a.obj", "\xEF\xBB\xBF" + kVertices + "f 1 2 3\n");
+  ASSERT_TRUE(imported.status.ok()) << imported.status.message();
+  EXPECT_EQ(vertex_numbers(imported.triangles.at(0)), (WhichVertices{0, 1, 2}));
+}
+
 TEST(Obj, VerticesMayCarryWeightsAndColours) {
   const Imported imported = import_named("a.obj", "v 0 0 1 1\nv 1 1 1 0.5 0.5 0.5\nv +2 4e0 .1e1\nf 1 2 3");
   ASSERT_TRUE(imported.status.ok()) << imported.status.message();
