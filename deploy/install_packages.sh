@@ -8,8 +8,8 @@ set -euo pipefail
 packages=(
   # the tools of the build
   g++ cmake ninja-build pkg-config protobuf-compiler
-  # scenes in: glTF and Draco
-  libtinygltf-dev nlohmann-json3-dev libstb-dev libdraco-dev
+  # scenes in: glTF, Draco and meshopt (PLY, OBJ and STL need none)
+  libtinygltf-dev nlohmann-json3-dev libstb-dev libdraco-dev libmeshoptimizer-dev
   # building and reading stores
   libembree-dev libtbb-dev libzstd-dev liblz4-dev libxxhash-dev liburing-dev
   # pictures out

@@ -67,14 +67,17 @@ Status run(BuildOptions& options) {
 
 Verb add_build(CLI::App& app) {
   const auto options = std::make_shared<BuildOptions>();
-  CLI::App* verb = app.add_subcommand("build", "Make a scene store from glTF files");
+  CLI::App* verb = app.add_subcommand("build", "Make a scene store from glTF, PLY, OBJ and STL files");
   verb->footer(
-      "\nReads .gltf and .glb files (Draco too), flattens their nodes to world space and writes one store. The store "
+      "\nReads glTF 2.0 (.gltf and .glb; Draco and meshopt too), PLY, OBJ and STL (in words and in binary), told apart "
+      "by\n"
+      "their first bytes. Nodes are flattened to world space and faces of many corners cut into triangles. The store "
       "is\n"
       "written under a temporary name and renamed when whole. The same scenes give the same bytes.\n\n"
       "  raymill build city.gltf -o city.mill --memory 1G\n"
       "  raymill build --manifest tiles.txt -o country.mill --stats build.json");
-  verb->add_option("SCENE", options->config.scenes, ".gltf or .glb files; geometry ids number on from file to file")
+  verb->add_option("SCENE", options->config.scenes,
+                   ".gltf, .glb, .ply, .obj or .stl files; geometry ids number on from file to file")
       ->type_name("");
   verb->add_option("--manifest", options->manifest,
                    "A text file that lists more scenes, one a line, relative to its folder; empty lines and lines that "

@@ -31,7 +31,7 @@ Status look_for(const std::string& scene, const std::string& path, std::size_t l
     return fault(ErrorCode::io, path, line, scene + ": " + error.message());
   }
   if (fs::is_directory(found)) {
-    return fault(ErrorCode::bad_scene, path, line, scene + " is a folder; list its .gltf and .glb files");
+    return fault(ErrorCode::bad_scene, path, line, scene + " is a folder; list its scene files");
   }
   return {};
 }

@@ -5,13 +5,16 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cerrno>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "client/cli/npy.h"
 #include "client/cli/random.h"
+#include "client/cli/ray_rounding.h"
 #include "storage/base/file_io.h"
 
 namespace raymill::client {
@@ -42,22 +45,25 @@ std::string shape_text(const std::vector<std::uint64_t>& shape) {
   return text + (shape.size() == 1 ? ",)" : ")");
 }
 
+Ray ray_of(const std::array<float, 8>& v) {
+  return {.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]};
+}
+Ray ray_of(const std::array<double, 8>& v) {
+  return round_ray({.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]});
+}
+
 template <typename T>
 void convert(std::span<const std::byte> raw, unsigned columns, std::span<Ray> rays) {
   const std::byte* row = raw.data();
   for (Ray& ray : rays) {
-    T values[8];
-    std::memcpy(values, row, columns * sizeof(T));
+    std::array<T, 8> values;
+    std::memcpy(values.data(), row, columns * sizeof(T));
     row += columns * sizeof(T);
-    const auto value = [&](unsigned i) { return static_cast<float>(values[i]); };
     if (columns == 6) {
-      ray = Ray{.org = {value(0), value(1), value(2)}, .dir = {value(3), value(4), value(5)}};
-    } else {
-      ray = Ray{.org = {value(0), value(1), value(2)},
-                .tnear = value(3),
-                .dir = {value(4), value(5), value(6)},
-                .tfar = value(7)};
+      values = {values[0], values[1], values[2], 0,
+                values[3], values[4], values[5], std::numeric_limits<T>::infinity()};
     }
+    ray = ray_of(values);
   }
 }
 

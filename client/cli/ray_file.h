@@ -1,5 +1,5 @@
 // Ray files: .npy of float32 or float64, C order, shape (N, 6) as Open3D (org, dir; tnear 0, tfar +inf) or (N, 8) as
-// OptiX (org, tnear, dir, tfar). float64 is rounded to float32 as it is read. Both ways are streamed: a file of any
+// OptiX (org, tnear, dir, tfar). float64 is rounded as ray_rounding.h says. Both ways are streamed: a file of any
 // size passes through a buffer of 64 KiB.
 #pragma once
 

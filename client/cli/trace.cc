@@ -103,9 +103,10 @@ Verb add_trace(CLI::App& app) {
   const auto options = std::make_shared<TraceOptions>();
   CLI::App* verb = app.add_subcommand("trace", "Answer a file of rays");
   verb->footer(
-      "\nRays: .npy, little-endian float32 or float64 (rounded to float32), C order, shape (N, 6): org, dir, with "
-      "tnear 0\n"
-      "and tfar inf; or (N, 8): org, tnear, dir, tfar. t counts in lengths of dir; a hit has tnear <= t <= tfar.\n"
+      "\nRays: .npy, little-endian float32 or float64, C order, shape (N, 6): org, dir, with tnear 0 and tfar inf; or\n"
+      "(N, 8): org, tnear, dir, tfar. t counts in lengths of dir; a hit has tnear <= t <= tfar. Of float64, org and "
+      "dir\n"
+      "are rounded to the nearest float32, tnear up and tfar down, so that a hit lies in the interval of the file.\n"
       "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
       "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any "
       "size.\n\n"

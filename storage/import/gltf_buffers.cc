@@ -50,6 +50,9 @@ Status GltfBuffers::read(int buffer, std::uint64_t offset, std::span<std::byte> 
   if (out.empty()) {
     return {};
   }
+  if (declarations_[index(buffer)].meshopt) {
+    return read_meshopt(buffer, offset, out);
+  }
   Status status = read_available(buffer, offset, out);
   return status.ok() ? status : in_context(message("buffers[", buffer, "]"), status);
 }
@@ -64,8 +67,7 @@ Status GltfBuffers::read_available(int buffer, std::uint64_t offset, std::span<s
       return file_.read(binary_chunk_->offset + offset, out);
     }
     if (declaration.meshopt_fallback) {
-      return {ErrorCode::unsupported,
-              "holds no data but a promise of EXT_meshopt_compression, which Raymill does not read; export without it"};
+      return bad_scene("holds no data: it stands for what EXT_meshopt_compression gives, and is read without it");
     }
     return bad_scene("has neither a uri nor a binary chunk; its data is missing");
   }
@@ -76,6 +78,46 @@ Status GltfBuffers::read_available(int buffer, std::uint64_t offset, std::span<s
   }
   RAYMILL_RETURN_IF_ERROR(open_external(buffer));
   return external_.read(offset, out);
+}
+
+Status GltfBuffers::read_meshopt(int buffer, std::uint64_t offset, std::span<std::byte> out) {
+  if (meshopt_[0].buffer != buffer) {
+    std::swap(meshopt_[0], meshopt_[1]);
+  }
+  MeshoptSlot& slot = meshopt_[0];
+  if (slot.buffer != buffer) {
+    slot = {};
+    Decoded fresh;
+    Status status = decode_meshopt_into(buffer, fresh);
+    if (status.code() == ErrorCode::budget_exceeded && meshopt_[1].buffer >= 0) {
+      meshopt_[1] = {};
+      status = decode_meshopt_into(buffer, fresh);
+    }
+    RAYMILL_RETURN_IF_ERROR(status);
+    slot.buffer = buffer;
+    slot.decoded = std::move(fresh);
+  }
+  std::memcpy(out.data(), slot.decoded.bytes.data() + offset, out.size());
+  return {};
+}
+
+// Stream and result stand side by side; the decoders of indices and of vertices take nothing else from the heap.
+Status GltfBuffers::decode_meshopt_into(int buffer, Decoded& fresh) {
+  const MeshoptView& view = *declarations_[index(buffer)].meshopt;
+  Decoded stream;
+  for (const auto& [part, bytes] : {std::pair(&stream, view.size_bytes), std::pair(&fresh, view.decoded_bytes())}) {
+    Result<BudgetReservation> claim = ledger_.claim(Tag::build, bytes);
+    if (!claim.ok()) {
+      fresh = {};
+      return in_context(message("a compressed bufferView of ", view.decoded_bytes(), " bytes must be held in memory"),
+                        claim.status());
+    }
+    part->claim = std::move(claim).value();
+  }
+  stream.bytes.resize(view.size_bytes);
+  RAYMILL_RETURN_IF_ERROR(read(view.buffer, view.offset, stream.bytes));
+  fresh.bytes.resize(view.decoded_bytes());
+  return decode_meshopt(view, stream.bytes, fresh.bytes);
 }
 
 Status GltfBuffers::open_external(int buffer) {

@@ -1,9 +1,12 @@
-// GltfBuffers: the bytes of a document's buffers, wherever they lie: BIN chunk, file beside it, data: URI.
+// GltfBuffers: the bytes of a document's buffers, wherever they lie: BIN chunk, file beside it, data: URI, meshopt
+// stream.
 //
 // A buffer is looked for when it is first read, so one that only animations use may be missing. At most one external
-// file is open at a time. Decoded data: URIs are claimed and kept. Thread-compatible.
+// file is open at a time. Decoded data: URIs are claimed and kept; of meshopt streams the two that were read last are,
+// one for the positions and one for the indices of a primitive. Thread-compatible.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -42,6 +45,8 @@ class GltfBuffers {
   Status read_available(int buffer, std::uint64_t offset, std::span<std::byte> out);
   Status open_external(int buffer);
   Status decode(int buffer);
+  Status read_meshopt(int buffer, std::uint64_t offset, std::span<std::byte> out);
+  Status decode_meshopt_into(int buffer, Decoded& fresh);
 
   const ByteSource& file_;
   const std::optional<ByteExtent> binary_chunk_;
@@ -49,6 +54,11 @@ class GltfBuffers {
   std::vector<BufferDeclaration> declarations_;
   std::vector<std::optional<Decoded>> decoded_;
   Ledger& ledger_;
+  struct MeshoptSlot {
+    int buffer = -1;
+    Decoded decoded;
+  };
+  std::array<MeshoptSlot, 2> meshopt_;  // the one that was read last stands first
   int external_index_ = -1;
   ByteSource external_;
 };

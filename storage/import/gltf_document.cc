@@ -53,6 +53,34 @@ std::vector<BufferDeclaration> take_buffer_declarations(json& root) {
   return buffers;
 }
 
+// A compressed view becomes a view of all of a buffer of its own, which stands for what it decodes to; a fallback that
+// it points to is not looked at.
+Status take_meshopt_views(json& root, std::vector<BufferDeclaration>& buffers) {
+  const auto section = root.find("bufferViews");
+  for (std::size_t i = 0; section != root.end() && i < section->size(); ++i) {
+    json& view = (*section)[i];
+    const auto extensions = view.find("extensions");
+    if (extensions == view.end() || !extensions->contains("EXT_meshopt_compression")) {
+      continue;
+    }
+    const Result<MeshoptView> parsed = parse_meshopt((*extensions)["EXT_meshopt_compression"]);
+    if (!parsed.ok()) {
+      return in_context(message("bufferViews[", i, "].extensions.EXT_meshopt_compression"), parsed.status());
+    }
+    if (view["byteLength"].get<std::uint64_t>() != parsed->decoded_bytes()) {
+      return bad_scene("bufferViews[", i, "].byteLength is ", view["byteLength"].get<std::uint64_t>(), " and ",
+                       parsed->decoded_bytes(), " bytes are compressed in it");
+    }
+    BufferDeclaration& decoded = buffers.emplace_back();
+    decoded.size_bytes = parsed->decoded_bytes();
+    decoded.meshopt = *parsed;
+    view["buffer"] = buffers.size() - 1;
+    view["byteOffset"] = 0;
+    view.erase("extensions");
+  }
+  return {};
+}
+
 // Moves each primitive's index accessor among its attributes.
 void hide_indices(json& root) {
   if (!root.contains("meshes")) {
@@ -170,6 +198,10 @@ Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContai
   for (BufferDeclaration& buffer : document.buffers_) {
     RAYMILL_ASSIGN_OR_RETURN(buffer.uri_claim, ledger.claim(Tag::build, buffer.uri.capacity()));
   }
+
+  const std::size_t declared = document.buffers_.size();
+  RAYMILL_RETURN_IF_ERROR(take_meshopt_views(tree.root, document.buffers_));
+  document.meshopt_views_ = document.buffers_.size() - declared;
 
   hide_indices(tree.root);
   tree.root.erase("skins");  // their number was needed, tinygltf wants more of them

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,7 @@
 #include "storage/base/status.h"
 #include "storage/import/byte_source.h"
 #include "storage/import/gltf_container.h"
+#include "storage/import/gltf_meshopt.h"
 
 namespace tinygltf {
 class Model;
@@ -23,12 +25,13 @@ struct Primitive;
 
 namespace raymill::storage {
 
-/// A buffer as the file declares it.
+/// A buffer as the file declares it, or, after all of these, what a compressed bufferView decodes to.
 struct BufferDeclaration {
   std::string uri;  ///< empty: the BIN chunk of a GLB, or no data
   std::uint64_t size_bytes = 0;
-  bool meshopt_fallback = false;  ///< stands for data that only EXT_meshopt_compression gives
-  BudgetReservation uri_claim;    ///< for a data: URI, which may be megabytes
+  bool meshopt_fallback = false;            ///< stands for data that only EXT_meshopt_compression gives
+  BudgetReservation uri_claim;              ///< for a data: URI, which may be megabytes
+  std::optional<MeshoptView> meshopt = {};  ///< decoded from another buffer
 };
 
 class GltfDocument {
@@ -46,6 +49,8 @@ class GltfDocument {
   [[nodiscard]] std::vector<BufferDeclaration> take_buffers() { return std::move(buffers_); }
   /// Extensions in use that Raymill does not model: sorted, each once.
   [[nodiscard]] const std::vector<std::string>& ignored_extensions() const { return ignored_extensions_; }
+  /// bufferViews that EXT_meshopt_compression compresses.
+  [[nodiscard]] std::uint64_t meshopt_views() const { return meshopt_views_; }
   /// True where integer positions are allowed (KHR_mesh_quantization).
   [[nodiscard]] bool quantization() const { return quantization_; }
 
@@ -60,6 +65,7 @@ class GltfDocument {
   std::vector<BufferDeclaration> buffers_;
   std::vector<std::string> ignored_extensions_;
   bool quantization_ = false;
+  std::uint64_t meshopt_views_ = 0;
 };
 
 }  // namespace raymill::storage

@@ -73,6 +73,9 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
   RAYMILL_ASSIGN_OR_RETURN(const GltfScene scene, place_nodes(document.model(), options.scene, ledger));
   RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
                            ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
+  if (document.meshopt_views() != 0) {
+    report.counts[ImportCode::meshopt_views] += document.meshopt_views();
+  }
   GltfBuffers buffers(file.bytes, container.binary, file.folder, document.take_buffers(), ledger);
   note_extensions(document.ignored_extensions(), report);
   std::vector<CameraInfo> cameras = placed_cameras(document.model(), scene);

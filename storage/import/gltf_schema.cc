@@ -41,11 +41,26 @@ constexpr JsonField kAccessorFields[] = {
 };
 constexpr JsonObject kAccessor{kAccessorFields};
 
+constexpr JsonField kMeshoptFields[] = {
+    {"buffer", Kind::index, true, "buffers"},
+    {"byteOffset", Kind::bytes},
+    {"byteLength", Kind::bytes, true},
+    {"byteStride", Kind::integer, true},
+    {"count", Kind::count, true},
+    {"mode", Kind::text, true},
+    {"filter", Kind::text},
+};
+constexpr JsonObject kMeshopt{kMeshoptFields};
+
+constexpr JsonField kBufferViewExtensionsFields[] = {{"EXT_meshopt_compression", Kind::object, false, {}, &kMeshopt}};
+constexpr JsonObject kBufferViewExtensions{kBufferViewExtensionsFields};
+
 constexpr JsonField kBufferViewFields[] = {
     {"buffer", Kind::index, true, "buffers"},
     {"byteOffset", Kind::bytes},
     {"byteLength", Kind::bytes, true},
     {"byteStride", Kind::stride},
+    {"extensions", Kind::object, false, {}, &kBufferViewExtensions},
 };
 constexpr JsonObject kBufferView{kBufferViewFields};
 

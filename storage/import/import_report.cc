@@ -26,12 +26,20 @@ std::string_view to_string(ImportCode code) {
       return "extension_ignored";
     case ImportCode::leftover_vertices:
       return "leftover_vertices";
+    case ImportCode::left_out_small_faces:
+      return "left_out_small_faces";
+    case ImportCode::left_out_curves:
+      return "left_out_curves";
     case ImportCode::draco_primitives:
       return "draco_primitives";
     case ImportCode::sparse_accessors:
       return "sparse_accessors";
     case ImportCode::quantized_positions:
       return "quantized_positions";
+    case ImportCode::polygons:
+      return "polygons";
+    case ImportCode::meshopt_views:
+      return "meshopt_views";
   }
   return "unknown";
 }

@@ -33,16 +33,21 @@ enum class ImportCode : std::uint16_t {
   morph_at_rest = 204,          ///< primitives with morph targets: weights are not applied
   extension_ignored = 205,      ///< optional extensions that change nothing Raymill models
   leftover_vertices = 206,      ///< vertices or indices past the last whole triangle
+  left_out_small_faces = 207,   ///< faces of fewer than three corners
+  left_out_curves = 208,        ///< free-form curves and surfaces of an OBJ
   draco_primitives = 300,
   sparse_accessors = 301,
   quantized_positions = 302,
+  polygons = 303,       ///< faces of more than three corners: cut into triangles
+  meshopt_views = 304,  ///< bufferViews that EXT_meshopt_compression compresses
 };
 std::string_view to_string(ImportCode code);
 
 /// Largest magnitude of a coordinate that is kept: boxes and their differences stay finite in float32 below it.
 constexpr float kPositionLimit = 0x1p+120F;
 
-/// One geometry_id: a (node, primitive) pair in file order, whether or not any triangle of it was kept.
+/// One geometry_id: a (node, primitive) pair in file order, or what other formats have for it, whether or not any
+/// triangle of it was kept.
 struct GeometryInfo {
   std::string file;
   std::string node;  ///< the node's name, or "node<index>" where it has none; mesh alike
@@ -78,12 +83,23 @@ struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
 };
 
-/// Takes triangles as they come. Called from one thread; an error ends the import with that error.
+/// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be
+/// stopped. Called from one thread; an error ends the import with that error.
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;
   virtual Status add(std::span<const Triangle> triangles) = 0;
 };
+
+/// Reads a scene file of any format that detect_format() tells: import_gltf() for glTF; PLY, OBJ and STL as
+/// mesh_import.h says, positions in world space as they stand, rounded once to float32 where they are wider. Memory is
+/// claimed from `ledger` (Tag::build). Errors: as import_gltf().
+Status import_scene(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
+                    ImportReport& report);
+
+/// The same for a file that is already in memory, under `name`. Buffers beside it are not read (unsupported).
+Status import_scene_memory(std::span<const std::byte> bytes, const std::string& name, const ImportOptions& options,
+                           Ledger& ledger, TriangleSink& sink, ImportReport& report);
 
 /// Reads a .gltf or .glb file and hands its triangles to `sink`, one (node, primitive) pair after the other in file
 /// order; `report` is added to, so several files number their geometries on. World positions are computed in float64

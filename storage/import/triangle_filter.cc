@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace raymill::storage {
 
@@ -80,10 +81,11 @@ TriangleWriter::TriangleWriter(TriangleSink& sink, ImportReport& report) : sink_
   piece_.reserve(kPieceTriangles);
 }
 
-void TriangleWriter::begin_geometry() { geometry_id_ = static_cast<std::uint32_t>(report_.geometries.size() - 1); }
-
 Status TriangleWriter::add(const std::array<Vec3f, 3>& corners) {
-  GeometryInfo& geometry = report_.geometries.back();
+  GeometryInfo& geometry = report_.geometries[geometry_id_];
+  if (geometry.triangles == std::numeric_limits<std::uint32_t>::max()) {
+    return {ErrorCode::unsupported, "has a geometry of 2^32 triangles, more than ids reach; split it"};
+  }
   const auto primitive_id = static_cast<std::uint32_t>(geometry.triangles++);
   ++report_.triangles;
   switch (judge(corners)) {
@@ -102,13 +104,10 @@ Status TriangleWriter::add(const std::array<Vec3f, 3>& corners) {
   ++geometry.kept;
   ++report_.kept;
   piece_.push_back({corners, geometry_id_, primitive_id});
-  return piece_.size() == kPieceTriangles ? flush() : Status();
+  return piece_.size() == kPieceTriangles ? hand_on() : Status();
 }
 
-Status TriangleWriter::flush() {
-  if (piece_.empty()) {
-    return {};
-  }
+Status TriangleWriter::hand_on() {
   Status status = sink_.add(piece_);
   sink_failed_ = !status.ok();
   piece_.clear();

@@ -21,15 +21,21 @@ class TriangleWriter {
  public:
   /// Triangles handed on at once.
   static constexpr std::size_t kPieceTriangles = 16384;
+  static constexpr std::uint64_t kPulse = 1 << 16;
 
   TriangleWriter(TriangleSink& sink, ImportReport& report);
 
   /// Later triangles belong to the last entry of report.geometries.
-  void begin_geometry();
-  /// Judges the next triangle of the geometry. Errors: the sink's.
+  void begin_geometry() { resume_geometry(report_.geometries.size() - 1); }
+  /// Later triangles belong to that entry of report.geometries, after those that it has.
+  void resume_geometry(std::size_t geometry) { geometry_id_ = static_cast<std::uint32_t>(geometry); }
+  /// Judges the next triangle of the geometry. Errors: the sink's, unsupported (more triangles than primitive ids).
   Status add(const std::array<Vec3f, 3>& corners);
   /// Hands on what is left. Errors: the sink's.
-  Status flush();
+  Status flush() { return piece_.empty() ? Status() : hand_on(); }
+  /// Between triangles, for each vertex or row that gives none: the sink is asked once in kPulse whether to go on.
+  /// Errors: the sink's.
+  Status pulse() { return ++pulses_ % kPulse == 0 ? hand_on() : Status(); }
   /// True once the sink has failed: its error is then the import's, word for word.
   [[nodiscard]] bool sink_failed() const { return sink_failed_; }
 
@@ -37,11 +43,14 @@ class TriangleWriter {
   static constexpr std::uint64_t heap_bytes() { return kPieceTriangles * sizeof(Triangle); }
 
  private:
+  Status hand_on();
+
   TriangleSink& sink_;
   ImportReport& report_;
   std::vector<Triangle> piece_;
   std::uint32_t geometry_id_ = 0;
   bool sink_failed_ = false;
+  std::uint64_t pulses_ = 0;
 };
 
 }  // namespace raymill::storage

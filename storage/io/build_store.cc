@@ -34,7 +34,7 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
   for (std::size_t i = 0; i < config.scenes.size(); ++i) {
     builder->set_import_fraction(double(i) / double(config.scenes.size()));
     RAYMILL_RETURN_IF_ERROR(
-        import_gltf(config.scenes[i], {config.scene_index}, builder->ledger(), *builder, builder->import_report()));
+        import_scene(config.scenes[i], {config.scene_index}, builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }

@@ -18,7 +18,7 @@
 namespace raymill {
 
 struct BuildConfig {
-  std::vector<std::string> scenes = {};  ///< .gltf or .glb files; geometry ids number on from file to file
+  std::vector<std::string> scenes = {};  ///< glTF, GLB, PLY, OBJ or STL; geometry ids number on from file to file
   std::string output = {};               ///< NAME.mill; written to a temporary name beside it and renamed when whole
   std::uint64_t memory = gibibytes(2);   ///< limit of the whole process
   std::optional<std::uint32_t> scene_index = {};

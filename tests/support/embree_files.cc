@@ -9,7 +9,7 @@ Result<EmbreeScene> embree_of_files(const std::vector<std::string>& scenes, cons
     storage::Ledger ledger(std::numeric_limits<std::uint64_t>::max());
     storage::ImportReport report;
     for (const std::string& scene : scenes) {
-      RAYMILL_RETURN_IF_ERROR(storage::import_gltf(scene, {}, ledger, sink, report));
+      RAYMILL_RETURN_IF_ERROR(storage::import_scene(scene, {}, ledger, sink, report));
     }
     return {};
   });

@@ -16,6 +16,7 @@ import sys
 
 import numpy
 
+import bad_meshes
 import bad_scenes
 import support
 from mounts import Mount
@@ -68,6 +69,15 @@ def scenes(trial):
     for case in bad_scenes.CASES:
         path = case.write(trial.folder)
         trial.check(case.name, case.rc, ["build", path, "-o", trial.out / "x.mill"], needs=case.needs)
+    for name, suffix, data, needs in bad_meshes.CASES:
+        path = trial.folder / f"bad.{suffix}"
+        path.write_bytes(data)
+        trial.check(name, INPUT, ["build", path, "-o", trial.out / "x.mill"], needs=needs)
+    path = trial.folder / "good.ply"
+    path.write_bytes(bad_meshes.ply(vertices=8_000_000))
+    trial.check("PLY of more vertices than memory", MEMORY, ["build", path, "-o", trial.out / "x.mill", "--memory", "96M"],
+                needs="8000000 vertices must be held")
+    path.unlink()
     trial.check("scene that is not there", INPUT, ["build", trial.folder / "none.gltf", "-o", trial.out / "x.mill"])
     trial.check("scene that is a folder", INPUT, ["build", trial.out, "-o", trial.out / "x.mill"])
 
@@ -180,6 +190,12 @@ def rays_files(trial, store, rays):
     t = numpy.load(trial.out / "h.npy")["t"]
     if json.loads(done.stdout)["invalid"] != 5 or not numpy.isnan(t[:5]).all() or numpy.isnan(t[5]):
         trial.problems.append(f"rays with NaN: t is {t}")
+    numpy.save(bad, strange.astype("<f8"))
+    done = trial.check("the same in float64: answered", 0, [*trace, "--json"])
+    if json.loads(done.stdout)["invalid"] != 5:
+        trial.problems.append("rays of float64 with NaN: not 5 of them are invalid")
+    numpy.save(bad, numpy.full((6, 8), 1e300))
+    trial.check("float64 rays beyond float32: answered", 0, trace)
     (trial.out / "h.npy").unlink()
     numpy.save(bad, good[:0])
     trial.check("no rays at all: answered", 0, trace)

@@ -20,7 +20,7 @@ Result<BuildReport> build_one_run(const BuildConfig& config) {
   constexpr std::uint64_t kNoCut = std::numeric_limits<std::uint32_t>::max();
   RAYMILL_ASSIGN_OR_RETURN(const auto builder, storage::StoreBuilder::create(config, kNoCut));
   for (const std::string& scene : config.scenes) {
-    RAYMILL_RETURN_IF_ERROR(storage::import_gltf(scene, {}, builder->ledger(), *builder, builder->import_report()));
+    RAYMILL_RETURN_IF_ERROR(storage::import_scene(scene, {}, builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }
@@ -30,7 +30,7 @@ int run(int argc, char** argv) {
   config.output = "/dev/null";
   std::string memory = "64G";
   CLI::App app("The tree that a build would make if it cut nothing");
-  app.add_option("SCENE", config.scenes, "glTF files")->required();
+  app.add_option("SCENE", config.scenes, "Scene files")->required();
   app.add_option("--memory", memory, "Limit of the whole process (64G)")->type_name("SIZE");
   try {
     app.parse(argc, argv);

@@ -42,7 +42,7 @@ Result<std::vector<storage::Triangle>> read_scenes(const Options& options) {
   storage::ImportReport report;
   Collector collector;
   for (const std::string& scene : options.scenes) {
-    RAYMILL_RETURN_IF_ERROR(storage::import_gltf(scene, {}, ledger, collector, report));
+    RAYMILL_RETURN_IF_ERROR(storage::import_scene(scene, {}, ledger, collector, report));
   }
   RAYMILL_ASSIGN_OR_RETURN(const auto positions, storage::parse_positions(options.positions));
   if (positions.kind != storage::PositionsRequest::Kind::float32) {

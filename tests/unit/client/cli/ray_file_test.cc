@@ -72,6 +72,35 @@ TEST_F(RayFileTest, EightColumnsHoldTheInterval) {
   EXPECT_EQ(total, 20000U);
 }
 
+// ray_rounding.h says why.
+TEST_F(RayFileTest, WideRaysAreRoundedIntoTheirInterval) {
+  const double row[8] = {0.1, 0.2, 0.3, 0.7, 0, 0, 0.1, 0.7000009};
+  std::string file = npy_header("'<f8'", 1, 8);
+  file.append(reinterpret_cast<const char*>(row), sizeof row);
+  write("rays.npy", file);
+  auto reader = RayFileReader::open(path("rays.npy"));
+  ASSERT_TRUE(reader) << reader.status().message();
+  Ray ray;
+  ASSERT_EQ(*reader->read(std::span(&ray, 1)), 1U);
+  EXPECT_EQ(ray.org, (std::array<float, 3>{0.1F, 0.2F, 0.3F}));
+  EXPECT_EQ(ray.dir[2], 0.1F);
+  EXPECT_GE(double(ray.tnear), 0.7);
+  EXPECT_LE(double(ray.tfar), 0.7000009);
+  EXPECT_LT(ray.tnear, ray.tfar);
+}
+
+TEST_F(RayFileTest, WideRaysOfSixColumnsGoOn) {
+  write("rays.npy", rows_of<double>("'<f8'", 2, 6));
+  auto reader = RayFileReader::open(path("rays.npy"));
+  ASSERT_TRUE(reader) << reader.status().message();
+  std::vector<Ray> rays(2);
+  ASSERT_EQ(*reader->read(rays), 2U);
+  EXPECT_EQ(rays[1].org, (std::array<float, 3>{6.25F, 7.25F, 8.25F}));
+  EXPECT_EQ(rays[1].dir, (std::array<float, 3>{9.25F, 10.25F, 11.25F}));
+  EXPECT_EQ(rays[1].tnear, 0);
+  EXPECT_TRUE(std::isinf(rays[1].tfar));
+}
+
 TEST_F(RayFileTest, RefusesWhatAreNoRays) {
   expect_refused("plain text", "not a .npy file");
   expect_refused(rows_of<float>("'<f4'", 3, 7), "(3, 7)");

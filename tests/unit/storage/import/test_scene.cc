@@ -1,5 +1,7 @@
 #include "tests/unit/storage/import/test_scene.h"
 
+#include <gtest/gtest.h>
+
 namespace raymill::storage {
 
 namespace {
@@ -106,12 +108,14 @@ std::string TestScene::glb() const {
   return glb;
 }
 
-Imported import_bytes(const std::string& bytes, const ImportOptions& options, std::uint64_t budget_bytes) {
+Imported import_bytes(const std::string& bytes, const ImportOptions& options, std::uint64_t budget_bytes,
+                      const std::string& name) {
   Imported imported;
   Collector collector(imported);
   Ledger ledger(budget_bytes);
   imported.status =
-      import_gltf_memory(std::as_bytes(std::span(bytes)), "test.gltf", options, ledger, collector, imported.report);
+      import_scene_memory(std::as_bytes(std::span(bytes)), name, options, ledger, collector, imported.report);
+  EXPECT_EQ(ledger.used_bytes(Tag::build), 0U);
   return imported;
 }
 
@@ -119,7 +123,7 @@ Imported import_path(const std::string& path, const ImportOptions& options, std:
   Imported imported;
   Collector collector(imported);
   Ledger ledger(budget_bytes);
-  imported.status = import_gltf(path, options, ledger, collector, imported.report);
+  imported.status = import_scene(path, options, ledger, collector, imported.report);
   return imported;
 }
 

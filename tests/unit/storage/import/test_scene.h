@@ -54,7 +54,12 @@ struct Imported {
 };
 
 Imported import_bytes(const std::string& bytes, const ImportOptions& options = {},
-                      std::uint64_t budget_bytes = gibibytes(1));
+                      std::uint64_t budget_bytes = gibibytes(1), const std::string& name = "test.gltf");
+/// The same for a file of another name, and so perhaps of another format.
+inline Imported import_named(const std::string& name, const std::string& bytes,
+                             std::uint64_t budget_bytes = gibibytes(1)) {
+  return import_bytes(bytes, {}, budget_bytes, name);
+}
 Imported import_path(const std::string& path, const ImportOptions& options = {},
                      std::uint64_t budget_bytes = gibibytes(1));
 

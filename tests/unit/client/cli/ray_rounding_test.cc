@@ -1,0 +1,79 @@
+#include "client/cli/ray_rounding.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace raymill::client {
+namespace {
+
+constexpr double kWideInfinity = std::numeric_limits<double>::infinity();
+constexpr double kWideNan = std::numeric_limits<double>::quiet_NaN();
+constexpr float kMostFloat = std::numeric_limits<float>::max();
+
+Ray interval(double tnear, double tfar) { return round_ray({.tnear = tnear, .dir = {0, 0, 1}, .tfar = tfar}); }
+
+TEST(RayRounding, OriginAndDirectionGoToTheNearest) {
+  const Ray ray = round_ray({.org = {0.1, 16777217, 16777219}, .dir = {-0.3, 1e-40, -0.0}, .tfar = 1});
+  EXPECT_EQ(ray.org, (std::array<float, 3>{0.1F, 16777216, 16777220}));
+  EXPECT_EQ(ray.dir, (std::array<float, 3>{-0.3F, 1e-40F, 0}));
+  EXPECT_TRUE(std::signbit(ray.dir[2]));
+}
+
+TEST(RayRounding, TheIntervalLiesInTheOneOfTheFile) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> exponent(-140, 150), sign(-1, 1);
+  for (int i = 0; i < 100000; ++i) {
+    const double a = std::copysign(std::exp2(exponent(random)), sign(random));
+    const double b = std::copysign(std::exp2(exponent(random)), sign(random));
+    const Ray ray = interval(std::min(a, b), std::max(a, b));
+    if (std::isinf(ray.tnear)) {
+      EXPECT_GT(std::min(std::abs(a), std::abs(b)), double(kMostFloat));  // nothing that float32 could hold lies in it
+      continue;
+    }
+    ASSERT_GE(double(ray.tnear), std::min(a, b));
+    ASSERT_LE(double(ray.tfar), std::max(a, b));
+    ASSERT_LE(ray.tnear, ray.tfar);
+  }
+}
+
+TEST(RayRounding, AnIntervalWithoutAFloat32StaysValid) {
+  const Ray point = interval(0.1, 0.1);
+  EXPECT_EQ(point.tnear, 0.1F);
+  EXPECT_EQ(point.tfar, 0.1F);
+  const double one = 1 + 0x1p-40;
+  const Ray narrow = interval(one, one + 0x1p-41);
+  EXPECT_EQ(narrow.tnear, 1);
+  EXPECT_EQ(narrow.tfar, 1);
+  const Ray far = interval(1e200, 1e201);
+  EXPECT_TRUE(std::isinf(far.tnear) && std::isinf(far.tfar));
+}
+
+TEST(RayRounding, InvalidRaysStayInvalid) {
+  const double one = 1 + 0x1p-40;
+  for (const auto& [tnear, tfar] : {std::pair(one, 1.0), std::pair(one + 0x1p-41, one), std::pair(1e300, 1e299),
+                                    std::pair(kWideInfinity, 0.0), std::pair(0.0, -1e-300)}) {
+    const Ray crossed = interval(tnear, tfar);
+    EXPECT_GT(crossed.tnear, crossed.tfar) << tnear << " " << tfar;
+  }
+  EXPECT_TRUE(std::isnan(interval(kWideNan, 1).tnear));
+  EXPECT_TRUE(std::isnan(interval(0, kWideNan).tfar));
+  const Ray ray = round_ray({.org = {kWideNan, kWideInfinity, -kWideInfinity}, .tfar = 1});
+  EXPECT_TRUE(std::isnan(ray.org[0]));
+  EXPECT_TRUE(std::isinf(ray.org[1]) && std::isinf(ray.org[2]));
+  EXPECT_EQ(ray.dir, (std::array<float, 3>{}));
+}
+
+TEST(RayRounding, BeyondFloat32) {
+  const Ray ray = round_ray({.org = {1e39, 0, 0}, .tnear = -1e300, .dir = {1e-46, 0, 0}, .tfar = 1e300});
+  EXPECT_TRUE(std::isinf(ray.org[0]));
+  EXPECT_EQ(ray.dir[0], 0);
+  EXPECT_EQ(ray.tnear, -kMostFloat);
+  EXPECT_EQ(ray.tfar, kMostFloat);
+  EXPECT_TRUE(std::isinf(interval(0, kWideInfinity).tfar));
+}
+
+}  // namespace
+}  // namespace raymill::client
