@@ -5,7 +5,8 @@
 // (plane - org) * rdir with three roundings, so each is off from the exact x by at most 2^-22 |x|, or by 2^-150 more
 // where the product is denormal, as long as plane - org is finite and rdir has all its digits:
 //   halves     everything counts in two lengths of dir: no t reaches into what overflows then, so an infinite entry is
-//              beyond every tfar, be it from a product or from a component of dir that is zero.
+//              beyond every tfar and an exit of -inf before every tnear, be it from a product or from a component of
+//              dir that is zero.
 //   reliable   an axis where the above could fail gives no constraint (NaN, slab.h). |plane| < 2^126 in every store
 //              (kPositionLimit), so plane - org is finite where |org| <= 2^126; 1 / 2 dir is finite and not denormal
 //              where 2^-128 < |dir| <= 2^125. With dir zero it is an infinity, and plane - org has the exact sign: org

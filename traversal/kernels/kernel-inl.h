@@ -53,7 +53,9 @@ template <int N, Mode kMode>
     exit = exit + Floats<N>::broadcast(kExactSlack);
   }
   interval.near().store(entries.data());
-  return less_equal(interval.near(), min_keep(exit, Floats<N>::broadcast(end_of<kMode>(tfar)))) & node.valid;
+  // In this order an exit of -inf, which the pad turns into NaN, is kept and compares false: the box lies behind, or
+  // beside an axis-parallel ray.
+  return less_equal(interval.near(), min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), exit)) & node.valid;
 }
 
 inline void prefetch(const void* address) { __builtin_prefetch(address); }

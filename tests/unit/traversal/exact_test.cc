@@ -125,6 +125,21 @@ TEST(Exact, NoRayLeavesAClosedMesh) {
   }
 }
 
+// The products of an edge function that the line passes within a rounding: one overflowed, the other did not, and the
+// float32 filter took the infinity for its sign.
+TEST(Exact, AnEdgeFunctionThatOverflowsOnOneSideRejectsNothing) {
+  const Scene scene{{Corners{Vec3f{0x1.2f57c8p+63F, 0x1.bb2baap+62F, 0},
+                             {0x1.9dba6ap+64F, -0x1.75edp+56F, 0},
+                             {-0x1.531334p+63F, 0x1.e1ee94p+64F, 0}}}};
+  const Ray down = ray({0x1.8ec43p+63F, 0x1.605d1ep+63F, 0x1.9e6a2p+63F}, {0, 0, -1});
+  const LoadedPages loaded = load_pages(build_pages(scene, 8));
+  for (const Mode mode : {Mode::exact, Mode::watertight}) {
+    for (const auto isa : runnable_isas()) {
+      EXPECT_EQ(run_kernel(loaded, {&down, 1}, {.isa = isa, .mode = mode}).hits[0].t, down.org[2]) << to_string(mode);
+    }
+  }
+}
+
 // EXTREMES E13.
 TEST(Exact, VertexOfAScaledMeshIsHitAtItsT) {
   const Scene scene{
