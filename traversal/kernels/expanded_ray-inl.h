@@ -18,7 +18,7 @@
 
 namespace raymill::traversal::RAYMILL_ISA {
 
-// The same numbers as test_boxes (kernel-inl.h) from planes that are decoded.
+// The same numbers as test_boxes (kernel-inl.h) from planes that are decoded; the last minimum keeps NaN, as there.
 template <int N, Mode kMode>
 [[gnu::always_inline]] inline unsigned test_planes(const ExpandedNode<N>& node, const RayFrame& ray, float tnear,
                                                    float tfar, std::array<float, N>& entries) {
@@ -35,7 +35,7 @@ template <int N, Mode kMode>
     far = far + Floats<N>::broadcast(kExactSlack);
   }
   near.store(entries.data());
-  return less_equal(near, min_keep(far, Floats<N>::broadcast(end_of<kMode>(tfar)))) & node.valid;
+  return less_equal(near, min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), far)) & node.valid;
 }
 
 template <Query kQuery, Mode kMode>

@@ -133,7 +133,7 @@ class ExpandedPacket {
       far = far + Floats<N>::broadcast(kExactSlack);
     }
     near.store(entries_[level].data());
-    const unsigned mask = less_equal(near, min_keep(far, Floats<N>::broadcast(end_))) & node.valid;
+    const unsigned mask = less_equal(near, min_keep(Floats<N>::broadcast(end_), far)) & node.valid;
     masks_[level] = static_cast<std::uint8_t>(mask);
     levels_ |= static_cast<std::uint32_t>(mask != 0) << level;
     ++context_.counters.nodes_visited;
@@ -160,7 +160,7 @@ class ExpandedPacket {
     if constexpr (kMode == Mode::exact) {
       far = far + Float8::broadcast(kExactSlack);
     }
-    return less_equal(near, min_keep(far, Float8::load(&ends_[first])));
+    return less_equal(near, min_keep(Float8::load(&ends_[first]), far));
   }
 
   void meet_leaf(const ExpandedNode<N>& node, unsigned slot) {
