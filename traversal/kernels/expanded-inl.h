@@ -180,9 +180,10 @@ void trace_expanded(ExpandedContext& context, std::span<RayState> rays) {
   std::size_t alone = 0, at = 0;
   for (; context.packets && at + Packet::kRays <= rays.size(); at += Packet::kRays) {
     const auto together = rays.subspan(at).template first<Packet::kRays>();
-    if (is_coherent(together, context.tree.coherent_width)) {
+    const PacketBounds bounds(together);
+    if (bounds.coherent(context.tree.coherent_width)) {
       take_turns(alone, at);
-      Packet(context, together).run();
+      Packet(context, together, bounds).run();
       alone = at + Packet::kRays;
     }
   }

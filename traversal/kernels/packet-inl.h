@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <span>
 
@@ -23,66 +24,70 @@ namespace raymill::traversal::RAYMILL_ISA {
 
 constexpr std::size_t kPacketRays = 16;  // measured: speed.md
 
-// Whether rays have so much in common that a packet visits few nodes that they would not visit alone: directions in one
-// octant, none of their components zero, and within an eighth of their length; origins within `width` of each other.
-inline bool is_coherent(std::span<const RayState, kPacketRays> rays, float width) {
-  constexpr float kSpread = 1.0F / 8;
-  for (int axis = 0; axis < 3; ++axis) {
-    float least_org = rays[0].org[axis], most_org = least_org, least_dir = rays[0].dir[axis], most_dir = least_dir;
-    for (const RayState& ray : rays) {
-      least_org = std::min(least_org, ray.org[axis]);
-      most_org = std::max(most_org, ray.org[axis]);
-      least_dir = std::min(least_dir, ray.dir[axis]);
-      most_dir = std::max(most_dir, ray.dir[axis]);
-      if (std::signbit(ray.dir[axis]) != std::signbit(rays[0].dir[axis])) {
+/// What of a packet's rays stands in its box tests: the least and the greatest of each of their numbers.
+struct PacketBounds {
+  // As they stand in a ray: org, dir, tnear, tfar.
+  static constexpr std::size_t kDir = 3, kTnear = 6, kTfar = 7;
+  alignas(32) std::array<float, 8> least, most;
+
+  explicit PacketBounds(std::span<const RayState, kPacketRays> rays) {
+    static_assert(offsetof(RayState, org) == 0 && offsetof(RayState, dir) == kDir * sizeof(float) &&
+                  offsetof(RayState, tnear) == kTnear * sizeof(float) &&
+                  offsetof(RayState, tfar) == kTfar * sizeof(float));
+    Float8 low = Float8::load(rays[0].org.data()), high = low;
+    for (const RayState& ray : rays.template subspan<1>()) {
+      const Float8 numbers = Float8::load(ray.org.data());
+      low = min_keep(numbers, low);
+      high = max_keep(numbers, high);
+    }
+    low.store(least.data());
+    high.store(most.data());
+  }
+
+  // Whether the rays have so much in common that they visit few nodes together that they would not visit alone:
+  // directions in one octant, none of their components zero, and within an eighth of their length; origins within
+  // `width` of each other.
+  [[nodiscard]] bool coherent(float width) const {
+    constexpr float kSpread = 1.0F / 8, kLeastDir = 0x1p-120F;
+    float length = 0, spread = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const float low = least[kDir + axis], high = most[kDir + axis];
+      if (!(most[axis] - least[axis] <= width && (low >= kLeastDir || high <= -kLeastDir))) {
         return false;
       }
+      length = std::max({length, high, -low});
+      spread = std::max(spread, high - low);
     }
-    const auto& dir = rays[0].dir;
-    const float length = std::max({std::fabs(dir[0]), std::fabs(dir[1]), std::fabs(dir[2])});
-    const float least = std::min(std::fabs(least_dir), std::fabs(most_dir));
-    if (!(most_org - least_org <= width && most_dir - least_dir <= length * kSpread && 1.0F / least <= 0x1p120F)) {
-      return false;
-    }
+    return spread <= length * kSpread;
   }
-  return true;
-}
+};
 
 template <int N, Query kQuery, Mode kMode>
 class ExpandedPacket {
  public:
   static constexpr std::size_t kRays = kPacketRays;
 
-  ExpandedPacket(ExpandedContext& context, std::span<RayState, kRays> rays)
+  ExpandedPacket(ExpandedContext& context, std::span<RayState, kRays> rays, const PacketBounds& bounds)
       : context_(context),
         nodes_(static_cast<const ExpandedNode<N>*>(context.tree.nodes)),
-        blocks_(context.tree.blocks) {
-    for (std::size_t i = 0; i < kRays; ++i) {
-      rays_[i].begin(rays[i]);
-      begins_[i] = begin_of<kMode>(rays_[i].tnear);
-      ends_[i] = end_of<kMode>(rays_[i].tfar);
-      for (int axis = 0; axis < 3; ++axis) {
-        org_[axis][i] = rays_[i].frame.org[axis];
-        rdir_[axis][i] = rays_[i].frame.rdir[axis];
-      }
+        blocks_(context.tree.blocks),
+        states_(rays),
+        begin_(begin_of<kMode>(bounds.least[PacketBounds::kTnear])),
+        end_(end_of<kMode>(bounds.most[PacketBounds::kTfar])) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      // 1 / x falls where x rises, and rounding keeps that.
+      const float least_dir = bounds.least[PacketBounds::kDir + axis],
+                  most_dir = bounds.most[PacketBounds::kDir + axis];
+      const bool negative = most_dir < 0;
+      octant_ |= static_cast<unsigned>(negative) << axis;
+      near_org_[axis] = negative ? bounds.least[axis] : bounds.most[axis];
+      far_org_[axis] = negative ? bounds.most[axis] : bounds.least[axis];
+      least_rdir_[axis] = 1.0F / most_dir;
+      most_rdir_[axis] = 1.0F / least_dir;
     }
-    octant_ = rays_[0].frame.octant;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto [least_org, most_org] = std::minmax_element(org_[axis].begin(), org_[axis].end());
-      const auto [least_rdir, most_rdir] = std::minmax_element(rdir_[axis].begin(), rdir_[axis].end());
-      const bool negative = (octant_ >> axis & 1) != 0;
-      near_org_[axis] = negative ? *least_org : *most_org;
-      far_org_[axis] = negative ? *most_org : *least_org;
-      least_rdir_[axis] = *least_rdir;
-      most_rdir_[axis] = *most_rdir;
-      // Mode exact takes an axis away from a ray that it cannot rely on there (NaN): then from all.
-      for (const float rdir : rdir_[axis]) {
-        least_rdir_[axis] = std::isnan(rdir) ? rdir : least_rdir_[axis];
-        most_rdir_[axis] = std::isnan(rdir) ? rdir : most_rdir_[axis];
-      }
+    if constexpr (kMode == Mode::exact) {
+      prepare_exact();
     }
-    begin_ = *std::min_element(begins_.begin(), begins_.end());
-    end_ = *std::max_element(ends_.begin(), ends_.end());
   }
 
   void run() {
@@ -105,14 +110,49 @@ class ExpandedPacket {
         meet_leaf(node, slot);
       }
     }
-    for (auto& ray : rays_) {
-      ray.report();
+    for (std::size_t i = 0; i < kRays; ++i) {
+      if (is_separate_) {
+        rays_[i].report();
+      } else {
+        states_[i].done = true;
+      }
     }
   }
 
  private:
   static constexpr unsigned kLevels = storage::kBitstackBits / N;
   static constexpr std::size_t kGroup = 8;
+
+  // Everything counts in halves, and an axis that is not reliable for one ray gives no constraint for any
+  // (exact-inl.h).
+  void prepare_exact() {
+    for (const RayState& state : states_) {
+      RayFrame frame = make_frame(state.org, state.dir);
+      prepare_exact_boxes(frame);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        most_rdir_[axis] = std::isnan(frame.rdir[axis]) ? frame.rdir[axis] : most_rdir_[axis];
+      }
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      least_rdir_[axis] = std::isnan(most_rdir_[axis]) ? most_rdir_[axis] : 0.5F * least_rdir_[axis];
+      most_rdir_[axis] = 0.5F * most_rdir_[axis];
+    }
+  }
+
+  // For the first leaf: what each ray meets boxes with.
+  void separate() {
+    for (std::size_t i = 0; i < kRays; ++i) {
+      auto& ray = rays_[i];
+      ray.begin(states_[i]);
+      begins_[i] = begin_of<kMode>(ray.tnear);
+      ends_[i] = end_of<kMode>(ray.tfar);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        org_[axis][i] = ray.frame.org[axis];
+        rdir_[axis][i] = ray.frame.rdir[axis];
+      }
+    }
+    is_separate_ = true;
+  }
 
   // The packet's interval in each child's box.
   void visit(unsigned level) {
@@ -166,6 +206,9 @@ class ExpandedPacket {
   void meet_leaf(const ExpandedNode<N>& node, unsigned slot) {
     const LeafRows leaf{blocks_ + node.child[slot], node.count[slot]};
     bool is_nearer = false;
+    if (!is_separate_) {
+      separate();
+    }
     for (std::size_t first = 0; first < kRays; first += kGroup) {
       for (unsigned mask = meet_box(node, slot, first); mask != 0; mask &= mask - 1) {
         const std::size_t i = first + static_cast<unsigned>(std::countr_zero(mask));
@@ -190,8 +233,10 @@ class ExpandedPacket {
   ExpandedContext& context_;
   const ExpandedNode<N>* const nodes_;
   const float* const blocks_;
+  const std::span<RayState, kRays> states_;
   unsigned octant_ = 0;
-  float begin_ = 0, end_ = 0;
+  bool is_separate_ = false;  // the arrays below hold the rays
+  float begin_, end_;
   std::array<float, 3> near_org_, far_org_, least_rdir_, most_rdir_;
   std::uint32_t levels_ = 0;
   std::array<std::uint8_t, kLevels> masks_;
