@@ -78,6 +78,9 @@ class ExpandedBatch {
   }
 
   void take_ray(RayLane* lane) {
+    while (taken_ < rays_.size() && rays_[taken_].done) {
+      ++taken_;
+    }
     if (taken_ == rays_.size()) {
       return;
     }
@@ -177,14 +180,16 @@ void trace_expanded(ExpandedContext& context, std::span<RayState> rays) {
     }
   };
   using Packet = ExpandedPacket<N, kQuery, kMode>;
-  std::size_t alone = 0, at = 0;
-  for (; context.packets && at + Packet::kRays <= rays.size(); at += Packet::kRays) {
+  std::size_t alone = 0;
+  bool tries_packets = context.packets;
+  for (std::size_t at = 0; tries_packets && at + Packet::kRays <= rays.size(); at += Packet::kRays) {
     const auto together = rays.subspan(at).template first<Packet::kRays>();
     const PacketBounds bounds(together);
     if (bounds.coherent(context.tree.coherent_width)) {
       take_turns(alone, at);
-      Packet(context, together, bounds).run();
-      alone = at + Packet::kRays;
+      // Where one packet shares too little, so will the others of the batch.
+      tries_packets = Packet(context, together, bounds).run();
+      alone = tries_packets ? at + Packet::kRays : at;
     }
   }
   take_turns(alone, rays.size());

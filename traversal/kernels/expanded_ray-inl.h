@@ -46,7 +46,7 @@ struct ExpandedRay {
   LeafRows leaf;        // that is tested
   unsigned candidates;  // of its triangles
   Quotients quotients;  // of them, in mode fast
-  LeafRows hit_leaf;    // rows null: nothing was hit
+  LeafRows hit_leaf;    // rows null: nothing was hit here; what was hit before stands in the ray
   std::uint32_t hit_triangle;
 
   void begin(RayState& from) {
@@ -98,13 +98,17 @@ struct ExpandedRay {
   [[nodiscard]] const float* hit_ids() const { return hit_leaf.rows + kCornerRows * hit_leaf.count + hit_triangle; }
 
   void report() {
+    keep();
+    ray->done = true;
+  }
+  // Puts what was found into the ray.
+  void keep() {
     if (hit_leaf.rows != nullptr) {
       const Ids ids = ids_of(hit_leaf, hit_triangle);
       ray->hit.geometry_id = ids.geometry;
       ray->hit.primitive_id = ids.primitive;
     }
     ray->tfar = tfar;
-    ray->done = true;
   }
 
  private:
@@ -157,7 +161,9 @@ struct ExpandedRay {
         return order < 0;
       }
     }
-    return ids_of(leaf, triangle) < ids_of(hit_leaf, hit_triangle);
+    const Ids best =
+        hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle) : Ids{ray->hit.geometry_id, ray->hit.primitive_id};
+    return ids_of(leaf, triangle) < best;
   }
 };
 

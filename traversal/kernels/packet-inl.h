@@ -90,7 +90,8 @@ class ExpandedPacket {
     }
   }
 
-  void run() {
+  // False: the rays share too little. Those that are not done are to start anew, each on its own, with what they have.
+  bool run() {
     path_[0] = nodes_ + context_.tree.root;
     visit(0);
     while (levels_ != 0) {
@@ -108,6 +109,10 @@ class ExpandedPacket {
         visit(level + 1);
       } else {
         meet_leaf(node, slot);
+        if (leaves_met_ >= kTriedLeaves && rays_met_ < kLeastShare * leaves_met_) {
+          give_up();
+          return false;
+        }
       }
     }
     for (std::size_t i = 0; i < kRays; ++i) {
@@ -117,11 +122,22 @@ class ExpandedPacket {
         states_[i].done = true;
       }
     }
+    return true;
   }
 
  private:
   static constexpr unsigned kLevels = storage::kBitstackBits / N;
   static constexpr std::size_t kGroup = 8;
+  // After so many leaves so many rays must have met each of them, in the mean.
+  static constexpr unsigned kTriedLeaves = 8, kLeastShare = 2;
+
+  // Any-hit rays that have their hit are done; the others keep the best so far.
+  void give_up() {
+    for (std::size_t i = 0; i < kRays; ++i) {
+      rays_[i].keep();
+      states_[i].done = kQuery == Query::any && states_[i].has_hit;
+    }
+  }
 
   // Everything counts in halves, and an axis that is not reliable for one ray gives no constraint for any
   // (exact-inl.h).
@@ -206,11 +222,13 @@ class ExpandedPacket {
   void meet_leaf(const ExpandedNode<N>& node, unsigned slot) {
     const LeafRows leaf{blocks_ + node.child[slot], node.count[slot]};
     bool is_nearer = false;
+    ++leaves_met_;
     if (!is_separate_) {
       separate();
     }
     for (std::size_t first = 0; first < kRays; first += kGroup) {
       for (unsigned mask = meet_box(node, slot, first); mask != 0; mask &= mask - 1) {
+        ++rays_met_;
         const std::size_t i = first + static_cast<unsigned>(std::countr_zero(mask));
         auto& ray = rays_[i];
         ray.leaf = leaf;
@@ -235,6 +253,7 @@ class ExpandedPacket {
   const float* const blocks_;
   const std::span<RayState, kRays> states_;
   unsigned octant_ = 0;
+  unsigned leaves_met_ = 0, rays_met_ = 0;
   bool is_separate_ = false;  // the arrays below hold the rays
   float begin_, end_;
   std::array<float, 3> near_org_, far_org_, least_rdir_, most_rdir_;
