@@ -14,6 +14,7 @@
 
 #include "traversal/kernels/expanded_ray-inl.h"
 #include "traversal/kernels/packet-inl.h"
+#include "traversal/kernels/step_lists-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
@@ -47,11 +48,11 @@ class ExpandedBatch {
       now_ = &now;
       next_ = &lists_[(round + 1) & 1];
       nodes_visited_ += now.count[kVisitNode];
-      each(now, kVisitNode, [this](RayLane* lane) { visit(lane); });
-      each(now, kFilterLeaf, [this](RayLane* lane) { filter_leaf(lane); });
-      each(now, kDecideLeaf, [this](RayLane* lane) { decide_leaf(lane); });
-      each(now, kAdvanceRay, [this](RayLane* lane) { advance(lane); });
-      each(now, kReportRay, [this](RayLane* lane) { report(lane); });
+      now.each(kVisitNode, [this](RayLane* lane) { visit(lane); });
+      now.each(kFilterLeaf, [this](RayLane* lane) { filter_leaf(lane); });
+      now.each(kDecideLeaf, [this](RayLane* lane) { decide_leaf(lane); });
+      now.each(kAdvanceRay, [this](RayLane* lane) { advance(lane); });
+      now.each(kReportRay, [this](RayLane* lane) { report(lane); });
     }
     context_.counters.nodes_visited += nodes_visited_;
     context_.counters.triangles_tested += triangles_tested_;
@@ -61,21 +62,7 @@ class ExpandedBatch {
   static constexpr unsigned kLanes = 24;
   enum Step : unsigned { kVisitNode, kFilterLeaf, kReportRay, kDecideLeaf, kAdvanceRay, kSteps };
   using RayLane = ExpandedLane<N, kQuery, kMode>;
-  struct Lists {
-    std::array<std::array<RayLane*, kLanes>, kSteps> lanes;
-    std::array<unsigned, kSteps> count{};
-    void add(unsigned step, RayLane* lane) { lanes[step][count[step]++] = lane; }
-    [[nodiscard]] bool empty() const { return count == std::array<unsigned, kSteps>{}; }
-  };
-
-  template <typename Do>
-  static void each(Lists& lists, Step step, Do&& make_step) {
-    const unsigned count = lists.count[step];
-    lists.count[step] = 0;
-    for (unsigned i = 0; i < count; ++i) {
-      make_step(lists.lanes[step][i]);
-    }
-  }
+  using Lists = StepLists<RayLane, kLanes, kSteps>;
 
   void take_ray(RayLane* lane) {
     while (taken_ < rays_.size() && rays_[taken_].done) {

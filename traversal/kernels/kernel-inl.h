@@ -30,6 +30,7 @@
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/lane-inl.h"
 #include "traversal/kernels/slot_order-inl.h"
+#include "traversal/kernels/step_lists-inl.h"
 #include "traversal/kernels/triangle-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
@@ -63,16 +64,6 @@ inline void prefetch(const void* address) { __builtin_prefetch(address); }
 /// What a ray does next. The first six wait a round for their memory; the last two are of the same round.
 enum Step : unsigned { kVisit, kFetch, kFollow, kFilter, kEnter, kReport, kDecide, kAdvance, kStepCount };
 
-// Lanes by their next step.
-template <typename L, unsigned kCapacity>
-struct StepLists {
-  std::array<std::array<L*, kCapacity>, kStepCount> lanes;
-  std::array<unsigned, kStepCount> count{};
-
-  void add(unsigned step, L* lane) { lanes[step][count[step]++] = lane; }
-  [[nodiscard]] bool empty() const { return count == std::array<unsigned, kStepCount>{}; }
-};
-
 template <int N, bool Wide, Query kQuery, Mode kMode>
 class Batch {
  public:
@@ -90,14 +81,14 @@ class Batch {
       next_ = &lists_[(round + 1) & 1];
       counters_.nodes_visited += now.count[kVisit];
       counters_.pages_entered += now.count[kEnter];
-      each(now, kVisit, [this](RayLane* lane) { visit(lane); });
-      each(now, kEnter, [this](RayLane* lane) { enter(lane); });
-      each(now, kFilter, [this](RayLane* lane) { filter_leaf(lane); });
-      each(now, kFetch, [this](RayLane* lane) { fetch(lane); });
-      each(now, kDecide, [this](RayLane* lane) { decide_leaf(lane); });
-      each(now, kAdvance, [this](RayLane* lane) { advance(lane); });
-      each(now, kFollow, [this](RayLane* lane) { follow(lane); });
-      each(now, kReport, [this](RayLane* lane) { report(lane); });
+      now.each(kVisit, [this](RayLane* lane) { visit(lane); });
+      now.each(kEnter, [this](RayLane* lane) { enter(lane); });
+      now.each(kFilter, [this](RayLane* lane) { filter_leaf(lane); });
+      now.each(kFetch, [this](RayLane* lane) { fetch(lane); });
+      now.each(kDecide, [this](RayLane* lane) { decide_leaf(lane); });
+      now.each(kAdvance, [this](RayLane* lane) { advance(lane); });
+      now.each(kFollow, [this](RayLane* lane) { follow(lane); });
+      now.each(kReport, [this](RayLane* lane) { report(lane); });
     }
     context_.counters.nodes_visited += counters_.nodes_visited;
     context_.counters.triangles_tested += counters_.triangles_tested;
@@ -109,16 +100,7 @@ class Batch {
   static constexpr std::uint32_t kCornersBytes = 3 * sizeof(std::uint16_t);
   static constexpr std::uint32_t kLineBytes = 64;  // neither a node nor a leaf's indices lie in more than two lines
   using RayLane = Lane<N, Wide>;
-  using Lists = StepLists<RayLane, kLanes>;
-
-  template <typename Do>
-  static void each(Lists& lists, Step step, Do&& make_step) {
-    const unsigned count = lists.count[step];
-    lists.count[step] = 0;
-    for (unsigned i = 0; i < count; ++i) {
-      make_step(lists.lanes[step][i]);
-    }
-  }
+  using Lists = StepLists<RayLane, kLanes, kStepCount>;
 
   // A ray that is not done begins where it waited.
   void take_ray(RayLane* lane) {
