@@ -66,15 +66,13 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
                                               storage::format_bytes(share.bytes) +
                                               " left; raise --memory or use --layout auto"};
     }
+  }
+  const bool plannable = possible && rest.bytes >= least;
+  if (plannable) {
     RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, rest));
-  } else if (bool plenty = possible && rest.bytes >= least; plenty) {
-    RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, rest));
-    plenty = plan_.frame_count == file_->page_count() && plan_.job_bytes >= kPlentyJobBytes;
-    if (!plenty) {
-      RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
-      return {};
-    }
-  } else {
+  }
+  const bool plenty = plannable && plan_.frame_count == file_->page_count() && plan_.job_bytes >= kPlentyJobBytes;
+  if (config_.layout != Layout::expanded && !plenty) {
     RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
     return {};
   }
