@@ -40,8 +40,9 @@ struct ExpandedContext {
   KernelCounters counters;
 };
 
-/// Thread-safe; no allocation, no lock, no virtual call. Rays start at the root; all are done afterwards.
-using ExpandedKernel = void (*)(ExpandedContext& context, std::span<RayState> rays);
+/// Traces valid rays from the root to their end. hits[i] must be a miss (Hit{}) and is the answer to rays[i]
+/// afterwards; of an any-hit query t alone counts. Thread-safe; no allocation, no lock, no virtual call.
+using ExpandedKernel = void (*)(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits);
 
 struct KernelChoice {
   Query query = Query::closest;

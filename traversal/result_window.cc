@@ -88,14 +88,42 @@ void ResultWindow::close_slot() {
 
 Result<bool> ResultWindow::complete(std::uint32_t number, const Hit& hit) {
   Slot& slot = slots_[number >> config_.chunk_shift];
+  RAYMILL_RETURN_IF_ERROR(open_rows(slot).status());
+  write_entry(number, hit, block(slot.open) + sizeof(BlockHeader) + header(slot.open).rows++ * entry_bytes());
+  return take_off(slot, 1);
+}
+
+void ResultWindow::write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const {
+  const auto position = static_cast<Position>(number & (chunk_rays() - 1));
+  std::memcpy(entry, &position, sizeof position);
+  config_.layout.write(hit, entry + sizeof position);
+}
+
+Result<bool> ResultWindow::complete_all(std::uint32_t number, std::span<const std::byte> entries) {
+  Slot& slot = slots_[number >> config_.chunk_shift];
+  const auto rays = static_cast<std::uint32_t>(entries.size() / entry_bytes());
+  while (!entries.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(const std::uint32_t places, open_rows(slot));
+    const auto some = entries.first(std::min(entries.size(), places * entry_bytes()));
+    BlockHeader& open = header(slot.open);
+    std::memcpy(block(slot.open) + sizeof(BlockHeader) + open.rows * entry_bytes(), some.data(), some.size());
+    open.rows += static_cast<std::uint32_t>(some.size() / entry_bytes());
+    entries = entries.subspan(some.size());
+  }
+  return take_off(slot, rays);
+}
+
+Result<std::uint32_t> ResultWindow::open_rows(Slot& slot) {
   if (slot.open == kNone || header(slot.open).rows == block_rows()) {
     RAYMILL_RETURN_IF_ERROR(open_block(slot));
   }
-  const auto position = static_cast<Position>(number & (chunk_rays() - 1));
-  std::byte* entry = block(slot.open) + sizeof(BlockHeader) + header(slot.open).rows++ * entry_bytes();
-  std::memcpy(entry, &position, sizeof position);
-  config_.layout.write(hit, entry + sizeof position);
-  if (--slot.remaining > 0 || slot.state != State::tracing) {
+  return block_rows() - header(slot.open).rows;
+}
+
+// Rays of the slot are done. True: all are, and no more come.
+bool ResultWindow::take_off(Slot& slot, std::uint32_t rays) {
+  slot.remaining -= rays;
+  if (slot.remaining > 0 || slot.state != State::tracing) {
     return false;
   }
   end_slot(slot);

@@ -27,6 +27,8 @@
 namespace raymill::traversal {
 
 class ResultWindow {
+  using Position = std::uint16_t;
+
  public:
   struct Config {
     HitLayout layout;
@@ -66,6 +68,11 @@ class ResultWindow {
 
   /// A ray is done. True: its chunk is. Errors: io, disk_full (a block had to go to disk).
   Result<bool> complete(std::uint32_t number, const Hit& hit);
+  /// Bytes of a row with its place, and such an entry made of an answer; needs no lock.
+  [[nodiscard]] std::size_t entry_bytes() const { return sizeof(Position) + config_.layout.row_bytes(); }
+  void write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const;
+  /// Rays of one chunk, the one that `number` is of, are done: their entries. Else as complete().
+  Result<bool> complete_all(std::uint32_t number, std::span<const std::byte> entries);
 
   // Delivery: begin_delivery(), collect(), end_delivery(); and free_slot() when the caller has let go.
 
@@ -107,16 +114,16 @@ class ResultWindow {
     std::uint32_t rows = 0;
     std::uint64_t checksum = 0;  // of the rows, on disk
   };
-  using Position = std::uint16_t;
-
   explicit ResultWindow(const Config& config);
   [[nodiscard]] std::byte* block(std::uint32_t index) const { return blocks_.data() + index * config_.block_bytes; }
   [[nodiscard]] BlockHeader& header(std::uint32_t index) const { return *reinterpret_cast<BlockHeader*>(block(index)); }
-  [[nodiscard]] std::size_t entry_bytes() const { return sizeof(Position) + config_.layout.row_bytes(); }
   [[nodiscard]] std::uint32_t block_rows() const {
     return static_cast<std::uint32_t>((config_.block_bytes - sizeof(BlockHeader)) / entry_bytes());
   }
   Status open_block(Slot& slot);
+  /// Places for rows in the open block, of which there is at least one.
+  Result<std::uint32_t> open_rows(Slot& slot);
+  bool take_off(Slot& slot, std::uint32_t rays);
   void close_block(Slot& slot);
   void end_slot(Slot& slot);
   Status spill_block();

@@ -133,6 +133,9 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   }
   RAYMILL_ASSIGN_OR_RETURN(setup.waiting, WaitingRays::create(plan.waiting, ledger_));
   RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(plan.window, ledger_));
+  if (fresh_claim_.bytes() > 0) {
+    RAYMILL_ASSIGN_OR_RETURN(setup.fresh, FreshRays::create(config_.share.threads, ledger_));
+  }
   auto job = std::make_shared<TraceJob>(std::move(setup));
   jobs_.push_back(job);
   spiller_->wake();
@@ -140,9 +143,6 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
 }
 
 PageState StoreTracer::state_of(storage::PageId page) const {
-  if (page == root_page() && config_.layout == Layout::expanded) {
-    return PageState::resident;  // its rays wait for the tree
-  }
   return cache_->resident(page) ? PageState::resident : cache_->absent(page) ? PageState::absent : PageState::reading;
 }
 
@@ -159,10 +159,10 @@ void StoreTracer::work(unsigned index) {
       handle_arrival(worker.index, worker.decoder, lock);
     } else if (can_expand()) {
       expand_page(worker, lock);
-    } else if (!stalled_ && !waits_for_tree()) {
-      if (const auto page = scheduler_.take_ready()) {
-        run_batch(worker, *page, lock);
-      }
+    } else if (const auto page = stalled_ ? std::nullopt : scheduler_.take_ready()) {
+      run_batch(worker, *page, lock);
+    } else if (has_fresh()) {
+      run_fresh(worker, lock);
     }
     pump_reads();
   }
@@ -170,8 +170,7 @@ void StoreTracer::work(unsigned index) {
 
 void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
   const auto something_to_do = [this] {
-    return stopping_ || !arrivals_.empty() || can_expand() ||
-           (scheduler_.has_ready() && !stalled_ && !waits_for_tree());
+    return stopping_ || !arrivals_.empty() || can_expand() || (scheduler_.has_ready() && !stalled_) || has_fresh();
   };
   if (something_to_do()) {
     return;
@@ -245,7 +244,6 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   ++job->batches_out;
   storage::PagePin pin = cache_->pin(worker.index);
   const std::byte* image = cache_->find(page);
-  const std::shared_ptr<const ExpandedTree> tree = page == root_page() ? tree_ : nullptr;
   stats_.rays_at_root += page == root_page() ? batch.count : 0;
   lock.unlock();
 
@@ -260,7 +258,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   if (job->future_demand && image != nullptr) {
     job->future_demand->taken_up(worker.rays, image);
   }
-  const BatchCounters counters = trace_batch(worker, *job, tree.get(), page, image);
+  const BatchCounters counters = trace_batch(worker, *job, page, image);
   if (job->future_demand && image != nullptr) {
     job->future_demand->put_back(worker.rays, index_of(page), image);
   }
@@ -283,7 +281,6 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   job->stats.nodes_visited += counters.kernel.nodes_visited;
   job->stats.pages_entered += counters.kernel.pages_entered;
   job->stats.triangles_tested += counters.kernel.triangles_tested;
-  job->stats.rays_expanded += counters.rays_expanded;
   if (counters.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +
                                            ": has pages whose references do not fit each other; build it "
@@ -306,7 +303,8 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   // Waking costs more than a small batch: only where whoever waits can go on.
   const bool go_on = (job->push_blocked && job->place_for_many()) ||
                      (job->push_needs_room && has_room(*job) && job->waiting->count(root_page()) <= kMostAtRoot / 2);
-  if (chunk_done || go_on || !job->status.ok() || job->batches_out == 0) {
+  const bool idle = job->batches_out == 0 && !scheduler_.has_ready();
+  if (chunk_done || go_on || !job->status.ok() || idle) {
     job->changed.notify_all();
   }
 }
@@ -359,6 +357,9 @@ void StoreTracer::remove_job(TraceJob& job) {
       RayQueue queue = job.waiting->take(page, rays);
       job.waiting->pool().release(queue);
     }
+  }
+  if (job.fresh) {
+    job.fresh->clear();
   }
   std::erase_if(jobs_, [&](const auto& other) { return other.get() == &job; });
   next_job_ = 0;

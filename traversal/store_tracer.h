@@ -1,6 +1,6 @@
 // StoreTracer: one open store with its pages, its workers and the jobs that run on it.
 //
-//                 push() --rays--> queue of the root page
+//                 push() --rays--> queue of the root page; or, where the store is expanded, blocks of fresh rays
 //                                     |
 //        +---------- ready page <-----+-----------------------+
 //        v                                                    |
@@ -32,6 +32,7 @@
 #include "storage/io/store_file.h"
 #include "storage/pages/codec.h"
 #include "traversal/budget_plan.h"
+#include "traversal/fresh_rays.h"
 #include "traversal/future_demand.h"
 #include "traversal/group_turns.h"
 #include "traversal/kernel.h"
@@ -55,6 +56,8 @@ constexpr unsigned kMostThreads = 256;  ///< workers of one store
 constexpr std::uint32_t kBatchSlack = RayPool::records_per_chunk(RecordLayout::kLeastBytes);
 /// Rays of a push that are sorted together.
 constexpr std::size_t kSortedRays = std::size_t{64} << 10;
+/// Answers of a block of fresh rays, and their entries in the result window.
+constexpr std::uint64_t kFreshWorkerBytes = FreshRays::kBlockRays * (2 * sizeof(Hit) + sizeof(std::uint16_t));
 /// A batch, and the order in which its rays are parked.
 constexpr std::uint64_t kWorkerBytes = (kBatchRays + kBatchSlack) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
 
@@ -112,16 +115,18 @@ class StoreTracer {
   Status plan_layout(const StoreShare& share);
   [[nodiscard]] bool sorts(std::span<const Ray> rays) const;
   [[nodiscard]] bool can_expand() const;
-  [[nodiscard]] bool waits_for_tree() const { return config_.layout == Layout::expanded && tree_ == nullptr; }
+  /// Whether the job's rays go to the expanded layout from now on, be it that they wait for it.
+  [[nodiscard]] bool takes_fresh(const TraceJob& job) const;
+  [[nodiscard]] bool has_fresh() const;
+  void run_fresh(Worker& worker, std::unique_lock<std::mutex>& lock);
   void expand_page(Worker& worker, std::unique_lock<std::mutex>& lock);
   void end_expansion(Result<std::unique_ptr<ExpandedTree>> tree);
+  [[nodiscard]] std::uint64_t expansion_bytes(const StoreShare& share) const;
   struct BatchCounters {
     KernelCounters kernel;
-    std::uint64_t rays_expanded = 0;
     bool corrupt = false;
   };
-  BatchCounters trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree, storage::PageId page,
-                            const std::byte* image);
+  BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
   void handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
@@ -148,6 +153,7 @@ class StoreTracer {
   storage::Ledger& ledger_;
   storage::BudgetReservation workers_claim_;
   storage::BudgetReservation order_claim_;  // empty: rays are taken as they come
+  storage::BudgetReservation fresh_claim_;  // empty: the store keeps its layout
   BudgetPlan plan_;
   std::unique_ptr<storage::PageCache> cache_;
   std::shared_ptr<FutureDemand> future_demand_;  // none: eviction does not ask for it

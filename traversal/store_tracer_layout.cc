@@ -16,12 +16,6 @@ constexpr std::uint64_t kPlentyJobBytes = 32 << 20;
 // Sorting costs more than it brings where all that rays read stays in the caches.
 constexpr std::uint64_t kLeastSortedStore = 64 << 20;
 
-// A ray that begins: the expanded layout knows no other.
-bool begins(const RayState& ray, std::uint32_t root_node) {
-  return ray.level == 0 && ray.node == root_node && ray.resume == Resume::enter &&
-         (ray.stack.words[0] | ray.stack.words[1]) == 0;
-}
-
 }  // namespace
 
 // Plans what everything gets. Rays are sorted where they do not wait for pages, which bring those of a place together
@@ -47,10 +41,15 @@ Status StoreTracer::plan_memory(const StoreShare& share) {
   return {};
 }
 
+std::uint64_t StoreTracer::expansion_bytes(const StoreShare& share) const {
+  return StoreExpansion::bytes(*file_, share.threads) + share.threads * kFreshWorkerBytes +
+         share.max_jobs * FreshRays::bytes(share.threads);
+}
+
 // Plans the pages' budget, with what the expanded layout needs set aside where there is to be one.
 Status StoreTracer::plan_layout(const StoreShare& share) {
   const bool possible = config_.layout != Layout::compact && ExpandedTree::possible(*file_);
-  const std::uint64_t bytes = possible ? StoreExpansion::bytes(*file_, share.threads) : 0;
+  const std::uint64_t bytes = possible ? expansion_bytes(share) : 0;
   StoreShare rest = share;
   rest.bytes -= std::min(rest.bytes, bytes);
   const std::uint64_t least = least_share_bytes(*file_, share.threads, share.max_jobs);
@@ -77,6 +76,7 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
     return {};
   }
   RAYMILL_ASSIGN_OR_RETURN(expansion_, StoreExpansion::create(*file_, share.threads, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(fresh_claim_, ledger_.claim(storage::Tag::decode, share.threads * kFreshWorkerBytes));
   return {};
 }
 
@@ -130,28 +130,77 @@ void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
   work_wake_.notify_all();
 }
 
-// Runs worker.rays. `tree`: of rays that begin, where there is one.
-StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree,
-                                                    storage::PageId page, const std::byte* image) {
-  BatchCounters counters;
-  const bool need_normal = has(job.config.fields, Field::normal);
-  std::span<RayState> rays = worker.rays;
-  if (tree != nullptr) {
-    const auto others = std::partition(rays.begin(), rays.end(),
-                                       [this](const RayState& ray) { return begins(ray, file_->footer().root_node); });
-    ExpandedContext context{.tree = tree->view(), .need_normal = need_normal, .packets = true, .counters = {}};
-    counters.rays_expanded = static_cast<std::uint64_t>(others - rays.begin());
-    job.expanded_kernel(context, rays.first(counters.rays_expanded));
-    counters.kernel = context.counters;
-    rays = rays.subspan(counters.rays_expanded);
-    if (rays.empty()) {
-      return counters;
-    }
+bool StoreTracer::takes_fresh(const TraceJob& job) const {
+  return job.fresh != nullptr && (tree_ != nullptr || config_.layout == Layout::expanded);
+}
+
+bool StoreTracer::has_fresh() const {
+  return tree_ != nullptr &&
+         std::any_of(jobs_.begin(), jobs_.end(), [](const auto& job) { return job->fresh && job->fresh->has_ready(); });
+}
+
+// A block of the next job, in turn, that has one.
+void StoreTracer::run_fresh(Worker& worker, std::unique_lock<std::mutex>& lock) {
+  std::shared_ptr<TraceJob> job;
+  for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
+    const auto& candidate = jobs_[next_job_++ % jobs_.size()];
+    job = candidate->fresh && candidate->fresh->has_ready() ? candidate : nullptr;
   }
+  FreshRays::Block* block = job->fresh->next();
+  if (job->fresh->has_ready()) {
+    work_wake_.notify_one();
+  }
+  ++job->batches_out;
+  ExpandedContext context{
+      .tree = tree_->view(), .need_normal = has(job->config.fields, Field::normal), .packets = true, .counters = {}};
+  lock.unlock();
+
+  const auto begin = Timeline::Clock::now();
+  worker.hits.assign(block->count, Hit{});
+  job->expanded_kernel(context, std::span(block->rays).first(block->count), worker.hits);
+  worker.entries.resize(block->count * job->window->entry_bytes());
+  std::uint64_t hits = 0;
+  for (std::size_t i = 0; i < block->count; ++i) {
+    job->window->write_entry(block->numbers[i], worker.hits[i], &worker.entries[i * job->window->entry_bytes()]);
+    hits += worker.hits[i].t < std::numeric_limits<float>::infinity() ? 1 : 0;
+  }
+  if (config_.timeline) {
+    config_.timeline->span(worker.index, "fresh rays", begin, "rays", block->count);
+  }
+
+  lock.lock();
+  --job->batches_out;
+  job->stats.nodes_visited += context.counters.nodes_visited;
+  job->stats.triangles_tested += context.counters.triangles_tested;
+  bool chunk_done = false;
+  if (job->status.ok()) {
+    const Result<bool> settled = job->window->complete_all(block->numbers[0], worker.entries);
+    chunk_done = settled && *settled;
+    job->status = settled.status();
+    job->rays_done += block->count;
+    job->stats.rays_expanded += block->count;
+    job->stats.hits += hits;
+    job->last_done = TraceJob::Clock::now();
+  }
+  job->fresh->give_back(block);
+  if (!job->status.ok()) {
+    remove_job(*job);
+  }
+  const bool go_on =
+      (job->push_blocked && job->place_for_many()) || (job->push_needs_room && job->fresh->has_much_room());
+  if (chunk_done || go_on || !job->status.ok()) {
+    job->changed.notify_all();
+  }
+}
+
+// Runs worker.rays.
+StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, storage::PageId page,
+                                                    const std::byte* image) {
+  std::span<RayState> rays = worker.rays;
   KernelContext context;
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
-  context.need_normal = need_normal;
+  context.need_normal = has(job.config.fields, Field::normal);
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);
@@ -159,11 +208,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   if (worker.page_lane) {
     worker.page_lane->end_batch(index_of(page), cache_->touched());
   }
-  counters.kernel.nodes_visited += context.counters.nodes_visited;
-  counters.kernel.pages_entered += context.counters.pages_entered;
-  counters.kernel.triangles_tested += context.counters.triangles_tested;
-  counters.corrupt = context.corrupt;
-  return counters;
+  return {context.counters, context.corrupt};
 }
 
 }  // namespace raymill::traversal

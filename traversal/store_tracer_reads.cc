@@ -91,7 +91,9 @@ void StoreTracer::pump_reads() {
     stats_.depths += readings_.size();
     reader_->start(*page);
   }
-  spiller_->wake();
+  if (spiller_->may_have_work()) {
+    spiller_->wake();
+  }
 }
 
 void StoreTracer::handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock) {

@@ -28,6 +28,9 @@ struct StoreTracer::Worker {
   storage::PageDecoder decoder;
   std::vector<RayState> rays;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> parked;  // page, index in rays
+  // Of a block of fresh rays, once there is one.
+  std::vector<Hit> hits;
+  std::vector<std::byte> entries;
   std::optional<LonePage> lone_page;
   std::optional<PageTrace::Lane> page_lane;
 };

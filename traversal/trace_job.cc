@@ -13,7 +13,8 @@ TraceJob::TraceJob(Setup setup)
       most_in_flight(setup.most_in_flight),
       future_demand(std::move(setup.future_demand)),
       waiting(std::move(setup.waiting)),
-      window(std::move(setup.window)) {}
+      window(std::move(setup.window)),
+      fresh(std::move(setup.fresh)) {}
 
 bool TraceJob::valid(const Ray& ray) {
   bool zero = true;

@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 
+#include "traversal/fresh_rays.h"
 #include "traversal/future_demand.h"
 #include "traversal/kernel.h"
 #include "traversal/result_window.h"
@@ -29,6 +30,7 @@ class TraceJob {
     std::string kernel_name;
     std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
+    std::unique_ptr<FreshRays> fresh;  ///< none: the store keeps its layout
     std::uint64_t most_in_flight = 0;
     std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
   };
@@ -48,11 +50,12 @@ class TraceJob {
   // Under the tracer's mutex.
   std::unique_ptr<WaitingRays> waiting;
   std::unique_ptr<ResultWindow> window;
-  Status status;                 ///< not ok: the job has ended early
-  bool finished = false;         ///< no more rays come
-  unsigned batches_out = 0;      ///< workers that hold rays of this job
-  bool push_blocked = false;     ///< push() waits until there is place for many
-  bool push_needs_room = false;  ///< push() waits until there is room for waiting rays
+  std::unique_ptr<FreshRays> fresh;  ///< none: rays go through pages
+  Status status;                     ///< not ok: the job has ended early
+  bool finished = false;             ///< no more rays come
+  unsigned batches_out = 0;          ///< workers that hold rays of this job
+  bool push_blocked = false;         ///< push() waits until there is place for many
+  bool push_needs_room = false;      ///< push() waits until there is room for waiting rays
   Clock::time_point last_push{};
   JobStats stats;
   std::uint64_t rays_pushed = 0;

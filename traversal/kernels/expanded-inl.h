@@ -33,11 +33,12 @@ struct alignas(64) ExpandedLane : ExpandedRay<kQuery, kMode> {
 template <int N, Query kQuery, Mode kMode>
 class ExpandedBatch {
  public:
-  ExpandedBatch(ExpandedContext& context, std::span<RayState> rays)
+  ExpandedBatch(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits)
       : context_(context),
         nodes_(static_cast<const ExpandedNode<N>*>(context.tree.nodes)),
         blocks_(context.tree.blocks),
-        rays_(rays) {}
+        rays_(rays),
+        hits_(hits) {}
 
   void run() {
     for (RayLane& lane : lanes_) {
@@ -65,13 +66,15 @@ class ExpandedBatch {
   using Lists = StepLists<RayLane, kLanes, kSteps>;
 
   void take_ray(RayLane* lane) {
-    while (taken_ < rays_.size() && rays_[taken_].done) {
+    // A packet that gave up leaves rays that have the hit they want.
+    while (kQuery == Query::any && taken_ < rays_.size() && is_hit(hits_[taken_])) {
       ++taken_;
     }
     if (taken_ == rays_.size()) {
       return;
     }
-    lane->begin(rays_[taken_++]);
+    lane->begin(rays_[taken_], hits_[taken_]);
+    ++taken_;
     lane->level = 0;
     lane->levels = 0;
     lane->nodes[0] = nodes_ + context_.tree.root;
@@ -142,14 +145,15 @@ class ExpandedBatch {
     next_->add(kReportRay, lane);
   }
   void report(RayLane* lane) {
-    lane->report();
+    lane->report_ids();
     take_ray(lane);
   }
 
   ExpandedContext& context_;
   const ExpandedNode<N>* const nodes_;
   const float* const blocks_;
-  const std::span<RayState> rays_;
+  const std::span<const Ray> rays_;
+  const std::span<Hit> hits_;
   std::size_t taken_ = 0;
   std::uint64_t nodes_visited_ = 0, triangles_tested_ = 0;
   std::array<Lists, 2> lists_;
@@ -159,11 +163,12 @@ class ExpandedBatch {
 };
 
 template <int N, Query kQuery, Mode kMode>
-void trace_expanded(ExpandedContext& context, std::span<RayState> rays) {
+void trace_expanded(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits) {
   // Rays from `alone` on take turns.
-  const auto take_turns = [&context, rays](std::size_t alone, std::size_t end) {
+  const auto take_turns = [&](std::size_t alone, std::size_t end) {
     if (alone < end) {
-      ExpandedBatch<N, kQuery, kMode>(context, rays.subspan(alone, end - alone)).run();
+      ExpandedBatch<N, kQuery, kMode>(context, rays.subspan(alone, end - alone), hits.subspan(alone, end - alone))
+          .run();
     }
   };
   using Packet = ExpandedPacket<N, kQuery, kMode>;
@@ -175,7 +180,7 @@ void trace_expanded(ExpandedContext& context, std::span<RayState> rays) {
     if (bounds.coherent(context.tree.coherent_width)) {
       take_turns(alone, at);
       // Where one packet shares too little, so will the others of the batch.
-      tries_packets = Packet(context, together, bounds).run();
+      tries_packets = Packet(context, together, hits.subspan(at).template first<Packet::kRays>(), bounds).run();
       alone = tries_packets ? at + Packet::kRays : at;
     }
   }
