@@ -42,6 +42,8 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_evictions(stats.evictions);
   wire.set_decode_seconds(stats.decode_seconds);
   wire.set_idle_seconds(stats.idle_seconds);
+  wire.set_lock_wait_seconds(stats.lock_wait_seconds);
+  wire.set_lock_hold_seconds(stats.lock_hold_seconds);
   wire.set_most_in_flight(stats.most_in_flight);
   wire.set_policy(utf8_or_question_marks(stats.policy));
   wire.set_eviction(utf8_or_question_marks(stats.eviction));
@@ -79,6 +81,8 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.evictions = wire.evictions();
   stats.decode_seconds = wire.decode_seconds();
   stats.idle_seconds = wire.idle_seconds();
+  stats.lock_wait_seconds = wire.lock_wait_seconds();
+  stats.lock_hold_seconds = wire.lock_hold_seconds();
   stats.most_in_flight = wire.most_in_flight();
   stats.policy = wire.policy();
   stats.eviction = wire.eviction();

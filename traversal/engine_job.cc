@@ -312,6 +312,8 @@ JobStats EngineJob::stats() const {
   stats.expand_seconds = tracer_->stats_.expand_seconds;
   stats.decode_seconds = tracer_->stats_.decode_seconds;
   stats.idle_seconds = tracer_->stats_.idle_seconds;
+  stats.lock_wait_seconds = tracer_->stats_.lock_wait_seconds;
+  stats.lock_hold_seconds = tracer_->stats_.lock_hold_seconds;
   stats.most_in_flight = job_->most_in_flight;
   stats.policy = to_string(tracer_->config_.read_order);
   stats.eviction = to_string(tracer_->config_.eviction);

@@ -78,10 +78,12 @@ struct JobStats {
   std::uint64_t distinct_bytes =
       0;  ///< of those pages as they stand in the file; bytes_read / distinct_bytes: amplification
   std::uint64_t evictions = 0;
-  double decode_seconds = 0;   ///< of all workers
-  double idle_seconds = 0;     ///< of all workers, with jobs running and nothing to run or decode
-  std::uint64_t stalls = 0;    ///< times that a worker was idle, each up to 10 ms
-  double mean_read_depth = 0;  ///< pages under way when a read began
+  double decode_seconds = 0;     ///< of all workers
+  double idle_seconds = 0;       ///< of all workers, with jobs running and nothing to run or decode
+  double lock_wait_seconds = 0;  ///< of all workers, for each other and for who pushes or fetches
+  double lock_hold_seconds = 0;  ///< of all workers, while the others would have to wait
+  std::uint64_t stalls = 0;      ///< times that a worker was idle, each up to 10 ms
+  double mean_read_depth = 0;    ///< pages under way when a read began
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;

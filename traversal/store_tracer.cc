@@ -149,14 +149,15 @@ PageState StoreTracer::state_of(storage::PageId page) const {
 void StoreTracer::work(unsigned index) {
   const IeeeScope ieee;
   Worker worker(index, *file_, config_);
-  std::unique_lock lock(mutex_);
+  WorkLock lock(mutex_);
   while (true) {
+    lock.report(stats_);
     wait_for_work(lock);
     if (stopping_) {
       return;
     }
     if (!arrivals_.empty()) {
-      handle_arrival(worker.index, worker.decoder, lock);
+      handle_arrival(worker, lock);
     } else if (can_expand()) {
       expand_page(worker, lock);
     } else if (const auto page = stalled_ ? std::nullopt : scheduler_.take_ready()) {
@@ -168,7 +169,7 @@ void StoreTracer::work(unsigned index) {
   }
 }
 
-void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
+void StoreTracer::wait_for_work(WorkLock& lock) {
   const auto something_to_do = [this] {
     return stopping_ || !arrivals_.empty() || can_expand() || (scheduler_.has_ready() && !stalled_) || has_fresh();
   };
@@ -176,12 +177,12 @@ void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
     return;
   }
   if (jobs_.empty()) {
-    work_wake_.wait(lock, [&] { return something_to_do() || !jobs_.empty(); });
+    lock.sleep([&](auto& held) { work_wake_.wait(held, [&] { return something_to_do() || !jobs_.empty(); }); });
     return;
   }
   const auto begin = Timeline::Clock::now();
   ++stats_.stalls;
-  work_wake_.wait_for(lock, kPushPatience, something_to_do);
+  lock.sleep([&](auto& held) { work_wake_.wait_for(held, kPushPatience, something_to_do); });
   stats_.idle_seconds += std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
 }
 
@@ -213,7 +214,7 @@ std::uint32_t StoreTracer::batch_size(const TraceJob& job) const {
   return job.batches_out == 0 && !spiller_->can_relieve(job) ? 1 : 0;
 }
 
-void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock) {
+void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock) {
   // The next job, in turn, that has rays here.
   std::shared_ptr<TraceJob> job;
   for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {

@@ -90,6 +90,7 @@ class StoreTracer {
   friend class EngineJob;
   friend class RaySpiller;
   struct Worker;
+  class WorkLock;
   struct StoreStats {
     std::uint64_t pages_read = 0;
     std::uint64_t stalls = 0;
@@ -101,6 +102,8 @@ class StoreTracer {
     double expand_seconds = 0;
     std::uint64_t rays_at_root = 0;  // that a worker took there
     double idle_seconds = 0;
+    double lock_wait_seconds = 0;
+    double lock_hold_seconds = 0;
   };
 
   /// A job gets more rays soon when its pusher was there so short a time ago.
@@ -118,8 +121,8 @@ class StoreTracer {
   /// Whether the job's rays go to the expanded layout from now on, be it that they wait for it.
   [[nodiscard]] bool takes_fresh(const TraceJob& job) const;
   [[nodiscard]] bool has_fresh() const;
-  void run_fresh(Worker& worker, std::unique_lock<std::mutex>& lock);
-  void expand_page(Worker& worker, std::unique_lock<std::mutex>& lock);
+  void run_fresh(Worker& worker, WorkLock& lock);
+  void expand_page(Worker& worker, WorkLock& lock);
   void end_expansion(Result<std::unique_ptr<ExpandedTree>> tree);
   [[nodiscard]] std::uint64_t expansion_bytes(const StoreShare& share) const;
   struct BatchCounters {
@@ -127,9 +130,9 @@ class StoreTracer {
     bool corrupt = false;
   };
   BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image);
-  void wait_for_work(std::unique_lock<std::mutex>& lock);
-  void handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock);
-  void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
+  void wait_for_work(WorkLock& lock);
+  void handle_arrival(Worker& worker, WorkLock& lock);
+  void run_batch(Worker& worker, storage::PageId page, WorkLock& lock);
   [[nodiscard]] std::uint32_t batch_size(const TraceJob& job) const;
   Result<bool> settle(Worker& worker, TraceJob& job);
   [[nodiscard]] bool more_rays_come() const;

@@ -89,7 +89,7 @@ bool StoreTracer::can_expand() const {
          (config_.layout == Layout::expanded || stats_.rays_at_root >= file_->footer().triangle_count);
 }
 
-void StoreTracer::expand_page(Worker& worker, std::unique_lock<std::mutex>& lock) {
+void StoreTracer::expand_page(Worker& worker, WorkLock& lock) {
   const storage::PageId page = expansion_->take();
   storage::PagePin pin = cache_->pin(worker.index);
   const std::byte* image = cache_->find(page);
@@ -140,7 +140,7 @@ bool StoreTracer::has_fresh() const {
 }
 
 // A block of the next job, in turn, that has one.
-void StoreTracer::run_fresh(Worker& worker, std::unique_lock<std::mutex>& lock) {
+void StoreTracer::run_fresh(Worker& worker, WorkLock& lock) {
   std::shared_ptr<TraceJob> job;
   for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
     const auto& candidate = jobs_[next_job_++ % jobs_.size()];

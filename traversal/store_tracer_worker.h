@@ -1,7 +1,9 @@
-// StoreTracer::Worker: what a thread of a StoreTracer owns. Thread-confined.
+// StoreTracer::Worker: what a thread of a StoreTracer owns. WorkLock: how it holds the tracer's mutex. Thread-confined.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -11,6 +13,41 @@
 #include "traversal/store_tracer.h"
 
 namespace raymill::traversal {
+
+/// A lock that knows how long it was waited for and held: what more workers would have to share.
+class StoreTracer::WorkLock {
+ public:
+  explicit WorkLock(std::mutex& mutex) : lock_(mutex, std::defer_lock) { lock(); }
+
+  void lock() {
+    const auto begin = Clock::now();
+    lock_.lock();
+    held_since_ = Clock::now();
+    wait_ += held_since_ - begin;
+  }
+  void unlock() {
+    hold_ += Clock::now() - held_since_;
+    lock_.unlock();
+  }
+  /// Runs wait(lock), which gives the mutex back for as long as there is nothing to do.
+  template <typename Wait>
+  void sleep(Wait&& wait) {
+    hold_ += Clock::now() - held_since_;
+    wait(lock_);
+    held_since_ = Clock::now();
+  }
+  /// Adds what has gathered since the last call.
+  void report(StoreStats& stats) {
+    stats.lock_wait_seconds += std::chrono::duration<double>(std::exchange(wait_, {})).count();
+    stats.lock_hold_seconds += std::chrono::duration<double>(std::exchange(hold_, {})).count();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::unique_lock<std::mutex> lock_;
+  Clock::time_point held_since_{};
+  Clock::duration wait_{}, hold_{};
+};
 
 struct StoreTracer::Worker {
   Worker(unsigned index_in, const storage::StoreFile& file, const Config& config)

@@ -56,6 +56,8 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"evictions", stats.evictions},
           {"decode_seconds", stats.decode_seconds},
           {"idle_seconds", stats.idle_seconds},
+          {"lock_wait_seconds", stats.lock_wait_seconds},
+          {"lock_hold_seconds", stats.lock_hold_seconds},
           {"stalls", stats.stalls},
           {"mean_read_depth", stats.mean_read_depth},
           {"most_in_flight", stats.most_in_flight},
