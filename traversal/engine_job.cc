@@ -11,11 +11,18 @@ namespace {
 
 // Rays that are made into records between two locks.
 constexpr std::size_t kPieceRays = 1024;
-static_assert(kPieceRays / RayPool::records_per_chunk(60) + 1 <= RaySpiller::kPushChunks, "no hit yet: 56 B at most");
+static_assert(kPieceRays / RayPool::records_per_chunk(64) + 1 <= RaySpiller::kPushChunks, "no hit yet: 64 B at most");
+
+Hit unanswered(Query query) {
+  Hit hit;
+  hit.t = std::numeric_limits<float>::quiet_NaN();
+  hit.count = query == Query::count ? kNoCount : 0;
+  return hit;
+}
 
 }  // namespace
 
-// Gives the slot back when the caller lets go of the chunk; keeps the job's memory until then.
+// Gives the slot, or the piece, back when the caller lets go of the chunk; keeps the job's memory until then.
 class EngineJob::ChunkOwner final : public HitChunk::Owner {
  public:
   ChunkOwner(std::shared_ptr<StoreTracer> tracer, std::shared_ptr<TraceJob> job, std::uint32_t slot)
@@ -23,7 +30,8 @@ class EngineJob::ChunkOwner final : public HitChunk::Owner {
   ~ChunkOwner() override {
     {
       const std::lock_guard lock(tracer_->mutex_);
-      job_->window->free_slot(slot_);
+      ResultWindow& window = *job_->window;
+      window.has_lists() ? window.free_piece(slot_) : window.free_slot(slot_);
     }
     job_->changed.notify_all();
   }
@@ -61,16 +69,32 @@ void EngineJob::cancel() {
   }
 }
 
-Status EngineJob::push(std::span<const Ray> rays) {
+Status EngineJob::push(std::span<const Ray> rays) { return push_all(rays, {}); }
+
+Status EngineJob::push_skipping(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped) {
+  if (!job_->config.skips) {
+    return {ErrorCode::invalid_argument, "the job was not asked to skip primitives (TraceConfig::skips)"};
+  }
+  if (skipped.size() != rays.size()) {
+    return {ErrorCode::invalid_argument, std::to_string(rays.size()) + " rays with " + std::to_string(skipped.size()) +
+                                             " primitives to skip; each ray takes one"};
+  }
+  return push_all(rays, skipped);
+}
+
+// `skipped`: empty, or one for each ray.
+Status EngineJob::push_all(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped) {
   const IeeeScope ieee;
   while (!rays.empty()) {
-    RAYMILL_ASSIGN_OR_RETURN(const Numbered some, take_in(rays));
+    RAYMILL_ASSIGN_OR_RETURN(Numbered some, take_in(rays));
+    some.skipped = skipped.first(skipped.empty() ? 0 : some.rays.size());
     const bool sorted = tracer_->sorts(some.rays);
     const auto order = sorted ? order_.sort(some.rays) : std::span<const std::uint32_t>();
     for (std::size_t first = 0; first < some.rays.size(); first += kPieceRays) {
       RAYMILL_RETURN_IF_ERROR(push_piece(some, order, first, std::min(kPieceRays, some.rays.size() - first)));
     }
     rays = rays.subspan(some.rays.size());
+    skipped = skipped.subspan(some.skipped.size());
   }
   return {};
 }
@@ -105,7 +129,7 @@ Result<EngineJob::Numbered> EngineJob::take_in(std::span<const Ray> rays) {
       if (job_->rays_pushed == 0) {
         job_->first_push = TraceJob::Clock::now();
       }
-      const Numbered taken{rays.first(count), window.next_number()};
+      const Numbered taken{rays.first(count), {}, window.next_number()};
       window.add(static_cast<std::uint32_t>(count));
       return taken;
     }
@@ -153,6 +177,7 @@ EngineJob::Piece EngineJob::pack(const Numbered& some, std::span<const std::uint
     // A hit has a finite t; beyond float32 lies a miss.
     state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
     state.number = number;
+    state.skipped = some.skipped.empty() ? PrimitiveIds() : some.skipped[index];
     state.node = static_cast<std::uint16_t>(footer.root_node);
     at += layout.pack(state, records_.data() + at);
     ++piece.valid;
@@ -165,10 +190,12 @@ Status EngineJob::enqueue(const Piece& piece) {
   job_->last_push = TraceJob::Clock::now();
   job_->rays_pushed += piece.rays;
   job_->stats.peak_in_flight = std::max(job_->stats.peak_in_flight, job_->in_flight());
-  Hit unanswered;
-  unanswered.t = std::numeric_limits<float>::quiet_NaN();
   for (const std::uint32_t number : piece.invalid) {
-    RAYMILL_RETURN_IF_ERROR(job_->window->complete(number, unanswered).status());
+    if (job_->window->has_lists()) {
+      job_->window->complete(number);
+      continue;
+    }
+    RAYMILL_RETURN_IF_ERROR(job_->window->complete(number, unanswered(job_->config.query)).status());
   }
   job_->rays_done += piece.invalid.size();
   job_->stats.invalid += piece.invalid.size();
@@ -228,6 +255,9 @@ std::optional<HitChunk> EngineJob::next() {
   if (!job_->status.ok() || !window.deliverable()) {
     return std::nullopt;
   }
+  if (window.has_lists()) {
+    return next_piece(lock);
+  }
   ResultWindow::Delivery delivery = window.begin_delivery();
   lock.unlock();
   const Status status = window.collect(delivery);
@@ -235,13 +265,48 @@ std::optional<HitChunk> EngineJob::next() {
   window.end_delivery(delivery);
   if (!status.ok()) {
     window.free_slot(delivery.slot);
-    job_->status = job_->status.ok() ? status : job_->status;
-    end(lock, status);
+    fail(lock, status);
     return std::nullopt;
   }
   lock.unlock();
   return HitChunk(delivery.index, delivery.first_ray, HitLayout(job_->config.fields), delivery.rows,
                   std::make_unique<ChunkOwner>(tracer_, job_, delivery.slot));
+}
+
+void EngineJob::fail(std::unique_lock<std::mutex>& lock, const Status& status) {
+  job_->status = job_->status.ok() ? status : job_->status;
+  end(lock, status);
+}
+
+// The next rows of lists of hits. What a chunk has in memory is sorted, or gone to disk, before its first piece comes:
+// how long a caller takes with a piece is no worker's business.
+std::optional<HitChunk> EngineJob::next_piece(std::unique_lock<std::mutex>& lock) {
+  ResultWindow& window = *job_->window;
+  Status status;
+  while (status.ok() && window.begin_blocks()) {
+    lock.unlock();
+    status = window.sort_blocks();
+    lock.lock();
+    window.end_blocks();
+  }
+  HitLists::Piece piece = window.begin_piece();
+  if (status.ok()) {
+    lock.unlock();
+    status = window.fill_piece(piece);
+    lock.lock();
+  }
+  if (!status.ok()) {
+    window.free_piece(piece.number);
+    fail(lock, status);
+    return std::nullopt;
+  }
+  const auto [index, first_ray] = window.end_piece(piece);
+  lock.unlock();
+  job_->changed.notify_all();  // push() may begin a chunk
+  HitChunk chunk(index, first_ray, HitLayout(job_->config.fields), piece.rows,
+                 std::make_unique<ChunkOwner>(tracer_, job_, piece.number));
+  chunk.set_offsets(piece.offsets, piece.goes_on);
+  return chunk;
 }
 
 Status EngineJob::status() const {

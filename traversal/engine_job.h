@@ -20,6 +20,7 @@ class EngineJob final : public Job {
   ~EngineJob() override;
 
   Status push(std::span<const Ray> rays) override;
+  Status push_skipping(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped) override;
   Status finish() override;
   std::optional<HitChunk> next() override;
   [[nodiscard]] Status status() const override;
@@ -33,13 +34,17 @@ class EngineJob final : public Job {
   /// Rays whose numbers follow each other.
   struct Numbered {
     std::span<const Ray> rays;
+    std::span<const PrimitiveIds> skipped;  // empty: nothing is
     std::uint32_t first_number = 0;
   };
+  Status push_all(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped);
   Result<Numbered> take_in(std::span<const Ray> rays);
   Status make_room(std::unique_lock<std::mutex>& lock);
   Piece pack(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);
   Status enqueue(const Piece& piece);
   Status push_piece(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);
+  std::optional<HitChunk> next_piece(std::unique_lock<std::mutex>& lock);
+  void fail(std::unique_lock<std::mutex>& lock, const Status& status);
   void end(std::unique_lock<std::mutex>& lock, const Status& status);
 
   std::shared_ptr<StoreTracer> tracer_;

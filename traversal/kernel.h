@@ -20,13 +20,40 @@ struct KernelCounters {
   std::uint64_t pages_entered = 0;
 };
 
+/// A hit of a ray that is asked for all of them.
+struct Crossing {
+  std::uint32_t number;  ///< of the ray
+  Hit hit;
+};
+
+/// Where a kernel for all hits puts them. Plain data.
+struct CrossingBuffer {
+  std::span<Crossing> room;
+  std::size_t count = 0;
+  void (*take)(void* owner, std::span<const Crossing> crossings) = nullptr;  ///< called when there is no room
+  void* owner = nullptr;
+
+  void add(const Crossing& crossing) {
+    if (count == room.size()) {
+      empty();
+    }
+    room[count++] = crossing;
+  }
+  void empty() {
+    take(owner, room.first(count));
+    count = 0;
+  }
+};
+
 /// What a kernel reads. Plain data; the pages found through `images` must stay until the call returns.
 struct KernelContext {
   const std::atomic<const std::byte*>* images = nullptr;  ///< [page_count]; null: not resident
   std::atomic<std::uint8_t>* touched = nullptr;           ///< [page_count]; set when a ray enters a page
   bool need_normal = false;
   KernelCounters counters;
-  bool corrupt = false;  ///< set when a reference leads to a node that cannot be its target
+  bool corrupt = false;                 ///< set when a reference leads to a node that cannot be its target
+  bool skips = false;                   ///< rays have a primitive each that is no hit
+  CrossingBuffer* crossings = nullptr;  ///< none: they are counted alone
 };
 
 /// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.
@@ -38,6 +65,8 @@ struct ExpandedContext {
   bool need_normal = false;
   bool packets = true;  ///< coherent rays go together
   KernelCounters counters;
+  bool skips = false;                   ///< as above
+  CrossingBuffer* crossings = nullptr;  ///< as above
 };
 
 /// Thread-safe; no allocation, no lock, no virtual call. Rays start at the root; all are done afterwards.

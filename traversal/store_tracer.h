@@ -120,12 +120,15 @@ class StoreTracer {
     std::uint64_t rays_expanded = 0;
     bool corrupt = false;
   };
+  BatchCounters trace_gathering(Worker& worker, TraceJob& job, const ExpandedTree* tree, storage::PageId page,
+                                const std::byte* image);
   BatchCounters trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree, storage::PageId page,
-                            const std::byte* image);
+                            const std::byte* image, CrossingBuffer* crossings);
   void wait_for_work(std::unique_lock<std::mutex>& lock);
   void handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock);
   void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
   [[nodiscard]] std::uint32_t batch_size(const TraceJob& job) const;
+  void take_crossings(TraceJob& job, std::span<const Crossing> crossings);
   Result<bool> settle(Worker& worker, TraceJob& job);
   [[nodiscard]] bool more_rays_come() const;
   [[nodiscard]] std::optional<storage::PageId> page_to_read();

@@ -130,16 +130,44 @@ void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
   work_wake_.notify_all();
 }
 
+// Runs worker.rays, with a place for the hits that they find where they have lists.
+StoreTracer::BatchCounters StoreTracer::trace_gathering(Worker& worker, TraceJob& job, const ExpandedTree* tree,
+                                                        storage::PageId page, const std::byte* image) {
+  if (job.crossings.empty()) {
+    return trace_batch(worker, job, tree, page, image, nullptr);
+  }
+  struct Owner {
+    StoreTracer& tracer;
+    TraceJob& job;
+  } owner{*this, job};
+  const std::size_t room = job.crossings.size() / config_.share.threads;
+  CrossingBuffer crossings{.room = std::span(job.crossings).subspan(worker.index * room, room),
+                           .take =
+                               [](void* to, std::span<const Crossing> some) {
+                                 const auto& [tracer, of_job] = *static_cast<Owner*>(to);
+                                 tracer.take_crossings(of_job, some);
+                               },
+                           .owner = &owner};
+  const BatchCounters counters = trace_batch(worker, job, tree, page, image, &crossings);
+  crossings.empty();
+  return counters;
+}
+
 // Runs worker.rays. `tree`: of rays that begin, where there is one.
 StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree,
-                                                    storage::PageId page, const std::byte* image) {
+                                                    storage::PageId page, const std::byte* image,
+                                                    CrossingBuffer* crossings) {
   BatchCounters counters;
   const bool need_normal = has(job.config.fields, Field::normal);
   std::span<RayState> rays = worker.rays;
   if (tree != nullptr) {
     const auto others = std::partition(rays.begin(), rays.end(),
                                        [this](const RayState& ray) { return begins(ray, file_->footer().root_node); });
-    ExpandedContext context{.tree = tree->view(), .need_normal = need_normal, .packets = true, .counters = {}};
+    ExpandedContext context{.tree = tree->view(),
+                            .need_normal = need_normal,
+                            .counters = {},
+                            .skips = job.config.skips,
+                            .crossings = crossings};
     counters.rays_expanded = static_cast<std::uint64_t>(others - rays.begin());
     job.expanded_kernel(context, rays.first(counters.rays_expanded));
     counters.kernel = context.counters;
@@ -152,6 +180,8 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
   context.need_normal = need_normal;
+  context.skips = job.config.skips;
+  context.crossings = crossings;
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);

@@ -12,6 +12,8 @@ TraceJob::TraceJob(Setup setup)
       kernel_name(std::move(setup.kernel_name)),
       most_in_flight(setup.most_in_flight),
       future_demand(std::move(setup.future_demand)),
+      crossings_claim(std::move(setup.crossings_claim)),
+      crossings(std::move(setup.crossings)),
       waiting(std::move(setup.waiting)),
       window(std::move(setup.window)) {}
 

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "traversal/future_demand.h"
 #include "traversal/kernel.h"
@@ -29,6 +30,8 @@ class TraceJob {
     std::string kernel_name;
     std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
+    storage::BudgetReservation crossings_claim;
+    std::vector<Crossing> crossings;
     std::uint64_t most_in_flight = 0;
     std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
   };
@@ -44,6 +47,10 @@ class TraceJob {
   const std::string kernel_name;
   const std::uint64_t most_in_flight;
   const std::unique_ptr<FutureDemand::Share> future_demand;
+
+  const storage::BudgetReservation crossings_claim;
+  /// Hits that workers have not handed over yet, the same number for each; none where rays have no lists.
+  std::vector<Crossing> crossings;
 
   // Under the tracer's mutex.
   std::unique_ptr<WaitingRays> waiting;

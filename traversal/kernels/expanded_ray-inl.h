@@ -71,23 +71,23 @@ struct ExpandedRay {
   }
 
   // True: no other hit is wanted.
-  bool decide_leaf(bool need_normal) {
+  bool decide_leaf(const ExpandedContext& context) {
     for (unsigned mask = candidates; mask != 0; mask &= mask - 1) {
       const int i = std::countr_zero(mask);
       const Corners corners = leaf.triangle(i);
       Candidate hit;
       if constexpr (kMode == Mode::watertight) {
-        if (!woop_decide(frame, corners, hit)) {
+        if (!woop_decide<kQuery>(frame, corners, hit)) {
           continue;
         }
       } else if constexpr (kMode == Mode::exact) {
-        if (!exact_decide(frame, corners, {tnear, tfar, ray->has_hit}, hit)) {
+        if (!exact_decide<kQuery>(frame, corners, {tnear, tfar, kQuery != Query::all && ray->has_hit}, hit)) {
           continue;
         }
       } else {
         hit = {quotients.t[i], quotients.u[i], quotients.v[i]};
       }
-      if (offer(hit, corners, static_cast<std::uint32_t>(i), need_normal)) {
+      if (offer(hit, corners, static_cast<std::uint32_t>(i), context)) {
         return true;
       }
     }
@@ -104,28 +104,25 @@ struct ExpandedRay {
   // Puts what was found into the ray.
   void keep() {
     if (hit_leaf.rows != nullptr) {
-      const Ids ids = ids_of(hit_leaf, hit_triangle);
-      ray->hit.geometry_id = ids.geometry;
-      ray->hit.primitive_id = ids.primitive;
+      const PrimitiveIds ids = ids_of(hit_leaf, hit_triangle);
+      ray->hit.geometry_id = ids.geometry_id;
+      ray->hit.primitive_id = ids.primitive_id;
     }
     ray->tfar = tfar;
   }
 
  private:
-  struct Ids {
-    std::uint32_t geometry, primitive;
-    bool operator<(const Ids& other) const {
-      return geometry < other.geometry || (geometry == other.geometry && primitive < other.primitive);
-    }
-  };
-  static Ids ids_of(const LeafRows& leaf, std::uint32_t triangle) {
+  static PrimitiveIds ids_of(const LeafRows& leaf, std::uint32_t triangle) {
     const float* ids = leaf.rows + kCornerRows * leaf.count + triangle;
     return {std::bit_cast<std::uint32_t>(ids[leaf.count]), std::bit_cast<std::uint32_t>(ids[0])};
   }
 
-  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, bool need_normal) {
+  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, const ExpandedContext& context) {
     float t = 0;
     if (!place_hit<kMode>(frame, corners, hit, tnear, tfar, t)) {
+      return false;
+    }
+    if (context.skips && ids_of(leaf, triangle) == ray->skipped) {
       return false;
     }
     if constexpr (kQuery == Query::any) {
@@ -133,6 +130,14 @@ struct ExpandedRay {
       ray->hit.t = 0;
       ray->has_hit = true;
       return true;
+    } else if constexpr (kQuery == Query::all) {
+      ray->has_hit = true;
+      ++ray->hit.count;
+      if (context.crossings != nullptr) {
+        context.crossings->add(crossing_of(ray->number, t, hit, ids_of(leaf, triangle),
+                                           context.need_normal ? normal_of(corners) : std::array<float, 3>{}));
+      }
+      return false;
     } else {
       if (t == tfar && ray->has_hit && !wins_tie(corners, triangle)) {
         return false;
@@ -143,7 +148,7 @@ struct ExpandedRay {
       ray->has_hit = true;
       ray->hit.t = t;
       set_barycentrics(ray->hit, hit);
-      if (need_normal) {
+      if (context.need_normal) {
         ray->hit.normal = normal_of(corners);
       }
       if constexpr (kMode == Mode::exact) {
@@ -161,8 +166,8 @@ struct ExpandedRay {
         return order < 0;
       }
     }
-    const Ids best =
-        hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle) : Ids{ray->hit.geometry_id, ray->hit.primitive_id};
+    const PrimitiveIds best = hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle)
+                                                       : PrimitiveIds{ray->hit.geometry_id, ray->hit.primitive_id};
     return ids_of(leaf, triangle) < best;
   }
 };
