@@ -128,6 +128,7 @@ void RunStats::add(const JobStats& stats) {
   total_.rays += before.rays;
   total_.hits += before.hits;
   total_.invalid += before.invalid;
+  total_.crossings += before.crossings;
   total_.nodes_visited += before.nodes_visited;
   total_.triangles_tested += before.triangles_tested;
   total_.rays_expanded += before.rays_expanded;

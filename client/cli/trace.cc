@@ -6,6 +6,7 @@
 
 #include "client/cli/batch.h"
 #include "client/cli/hit_file.h"
+#include "client/cli/list_files.h"
 #include "client/cli/npy.h"
 #include "client/cli/options.h"
 #include "client/cli/ray_file.h"
@@ -46,7 +47,14 @@ Status run(TraceOptions& options) {
   const HitLayout layout(options.query.config.fields);
   const std::string header = npy_header(layout.numpy_descr(), reader.count(), 0);
   std::optional<HitFile> file;
-  if (!options.resume) {
+  std::optional<ListFiles> lists;  // in its place
+  if (options.query.config.query == Query::all) {
+    if (options.resume) {
+      return {ErrorCode::invalid_argument, "--resume goes on with queries that have a row a ray; leave it out"};
+    }
+    RAYMILL_ASSIGN_OR_RETURN(ListFiles whole, ListFiles::create(options.output, layout, reader.count()));
+    lists.emplace(std::move(whole));
+  } else if (!options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header));
     file.emplace(std::move(whole));
   }
@@ -61,7 +69,7 @@ Status run(TraceOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open.store->trace(options.query.config));
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
-  std::uint64_t rows = file->rows_done();
+  std::uint64_t rows = file ? file->rows_done() : 0;
   const std::uint64_t rows_before = rows;
   BatchTimes times;
   const Status status = run_batch(
@@ -71,6 +79,9 @@ Status run(TraceOptions& options) {
         return std::span<const Ray>(buffer).first(count);
       },
       [&](const HitChunk& chunk) {
+        if (lists) {
+          return lists->write(chunk);
+        }
         rows += chunk.size();
         return file->write(chunk.rows());
       },
@@ -84,11 +95,12 @@ Status run(TraceOptions& options) {
             status.message() + "; " + options.output + ".part holds what is finished, repeat the command to go on"};
   }
   RAYMILL_RETURN_IF_ERROR(status);
+  rows = lists ? lists->rays_done() : rows;
   if (rows != reader.count()) {
     return {ErrorCode::internal,
             "a bug of Raymill: " + std::to_string(rows) + " answers for " + std::to_string(reader.count()) + " rays"};
   }
-  RAYMILL_RETURN_IF_ERROR(file->commit());
+  RAYMILL_RETURN_IF_ERROR(lists ? lists->commit() : file->commit());
   progress.reset();
   const JobStats stats = with_peak(job->stats(), options.service);
   const RunTimes run_times{open.open_seconds, times.input_seconds, times.output_seconds};
@@ -108,8 +120,10 @@ Verb add_trace(CLI::App& app) {
       "dir\n"
       "are rounded to the nearest float32, tnear up and tfar down, so that a hit lies in the interval of the file.\n"
       "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
-      "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any "
-      "size.\n\n"
+      "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any size.\n"
+      "--query count: a plain .npy of N uint32; 4294967295 for an invalid ray. --query all: HITS.npy holds the hits "
+      "of\n"
+      "all rays, by t within a ray, and HITS.offsets.npy (N + 1 uint64) says where those of each begin and end.\n\n"
       "  raymill trace city.mill rays.npy -o hits.npy --memory 512M --stats run.json");
   verb->add_option("STORE", options->store, "The store; with --server its name there")->required()->type_name("X.mill");
   verb->add_option("RAYS", options->rays, "The rays")->required()->type_name("RAYS.npy");
@@ -118,6 +132,7 @@ Verb add_trace(CLI::App& app) {
                  "Keep what is finished in HITS.npy.part when the run is stopped, and go on from there when it is "
                  "repeated");
   options->query.add_to(*verb);
+  options->query.add_lists_to(*verb);
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);
   add_json_flag(*verb, options->json);
