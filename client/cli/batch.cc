@@ -21,19 +21,33 @@ constexpr std::size_t kSliceRays = 32 << 10;
 
 double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
 
-Status push_all(Job& job, const RaySource& source, double& seconds, Status& job_error) {
-  while (true) {
-    const auto begin = Clock::now();
-    const auto rays = source();
+// Pushes the next rays; false when there are no more. `job_error` is the job's, the returned one the sources'.
+Result<bool> push_some(Job& job, const RaySource& source, const SkipSource& skipped, double& seconds,
+                       Status& job_error) {
+  const auto begin = Clock::now();
+  RAYMILL_ASSIGN_OR_RETURN(const auto rays, source());
+  if (rays.empty()) {
     seconds += seconds_since(begin);
-    if (!rays) {
-      return rays.status();
-    }
-    job_error = rays->empty() ? job.finish() : job.push(*rays);
-    if (rays->empty() || !job_error.ok()) {
-      return {};
-    }
+    job_error = job.finish();
+    return false;
   }
+  if (!skipped) {
+    seconds += seconds_since(begin);
+    job_error = job.push(rays);
+    return job_error.ok();
+  }
+  RAYMILL_ASSIGN_OR_RETURN(const auto primitives, skipped(rays.size()));
+  seconds += seconds_since(begin);
+  job_error = job.push_skipping(rays, primitives);
+  return job_error.ok();
+}
+
+Status push_all(Job& job, const RaySource& source, const SkipSource& skipped, double& seconds, Status& job_error) {
+  Result<bool> more = true;
+  while (more && *more) {
+    more = push_some(job, source, skipped, seconds, job_error);
+  }
+  return more.status();
 }
 
 // Watches for a signal and reports progress until it is stopped.
@@ -76,13 +90,13 @@ class Watcher {
 }  // namespace
 
 Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
-                 BatchTimes& times) {
+                 BatchTimes& times, const SkipSource& skipped) {
   Status source_error, push_error, sink_error;
   double input_seconds = 0;
   {
     const Watcher watcher(job, observer);
     std::thread pusher([&] {
-      source_error = push_all(job, source, input_seconds, push_error);
+      source_error = push_all(job, source, skipped, input_seconds, push_error);
       if (!source_error.ok()) {
         job.cancel();
       }

@@ -2,6 +2,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "client/cli/batch.h"
@@ -10,6 +12,7 @@
 #include "client/cli/npy.h"
 #include "client/cli/options.h"
 #include "client/cli/ray_file.h"
+#include "client/cli/skip_file.h"
 #include "client/cli/verbs.h"
 
 namespace raymill::client {
@@ -22,20 +25,89 @@ struct TraceOptions {
   std::string output;
   QueryOptions query;
   ServiceOptions service;
+  std::string skip;
   std::string progress;
   bool json = false;
   bool resume = false;
 };
 
 // What the rows depend on: a part of the hits goes on only where all of it is the same.
-nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const StoreInfo& store) {
+nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader,
+                      const std::optional<SkipFileReader>& skipped, const StoreInfo& store) {
   return {{"rays", options.rays},
           {"rays_file", reader.identity()},
           {"ray_count", reader.count()},
+          {"skip", skipped ? options.skip + ", " + skipped->identity() : ""},
           {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
           {"query", to_string(options.query.config.query)},
           {"mode", to_string(options.query.config.mode)},
           {"fields", static_cast<unsigned>(options.query.config.fields)}};
+}
+
+// Where the answers go: a file of rows, a row a ray, or files of lists.
+class Answers {
+ public:
+  // What is made before the engine.
+  Status create(const TraceOptions& options, std::uint64_t ray_count) {
+    const HitLayout layout(options.query.config.fields);
+    if (options.query.config.query == Query::all) {
+      if (options.resume) {
+        return {ErrorCode::invalid_argument, "--resume goes on with queries that have a row a ray; leave it out"};
+      }
+      RAYMILL_ASSIGN_OR_RETURN(ListFiles whole, ListFiles::create(options.output, layout, ray_count));
+      lists_.emplace(std::move(whole));
+    } else if (!options.resume) {
+      RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header_of(layout, ray_count)));
+      rows_.emplace(std::move(whole));
+    }
+    return {};
+  }
+  Status resume(const TraceOptions& options, std::uint64_t ray_count, const nlohmann::json& run) {
+    const HitLayout layout(options.query.config.fields);
+    RAYMILL_ASSIGN_OR_RETURN(HitFile part,
+                             HitFile::resume(options.output, header_of(layout, ray_count), layout.row_bytes(), run));
+    rays_done_ = part.rows_done();
+    rows_.emplace(std::move(part));
+    return {};
+  }
+
+  // Rays that are answered.
+  [[nodiscard]] std::uint64_t rays_done() const { return lists_ ? lists_->rays_done() : rays_done_; }
+  Status write(const HitChunk& chunk) {
+    if (lists_) {
+      return lists_->write(chunk);
+    }
+    rays_done_ += chunk.size();
+    return rows_->write(chunk.rows());
+  }
+  Status commit() { return lists_ ? lists_->commit() : rows_->commit(); }
+
+ private:
+  static std::string header_of(const HitLayout& layout, std::uint64_t ray_count) {
+    return npy_header(layout.numpy_descr(), ray_count, 0);
+  }
+  std::optional<HitFile> rows_;
+  std::optional<ListFiles> lists_;
+  std::uint64_t rays_done_ = 0;
+};
+
+// The primitives that rays pass through, where the job is to skip some.
+Result<std::optional<SkipFileReader>> open_skipped(TraceOptions& options, std::uint64_t ray_count,
+                                                   std::size_t most_rays) {
+  options.query.config.skips = !options.skip.empty();
+  std::optional<SkipFileReader> skipped;
+  if (options.query.config.skips) {
+    RAYMILL_ASSIGN_OR_RETURN(SkipFileReader file, SkipFileReader::open(options.skip, ray_count, most_rays));
+    skipped.emplace(std::move(file));
+  }
+  return skipped;
+}
+
+SkipSource source_of(std::optional<SkipFileReader>& skipped) {
+  if (!skipped) {
+    return {};
+  }
+  return [&skipped](std::size_t rays) { return skipped->read(rays); };
 }
 
 Status run(TraceOptions& options) {
@@ -44,33 +116,22 @@ Status run(TraceOptions& options) {
   // Everything that needs memory comes before the engine, which counts what the process holds.
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
   std::vector<Ray> buffer(buffer_rays(options.service.memory));
-  const HitLayout layout(options.query.config.fields);
-  const std::string header = npy_header(layout.numpy_descr(), reader.count(), 0);
-  std::optional<HitFile> file;
-  std::optional<ListFiles> lists;  // in its place
-  if (options.query.config.query == Query::all) {
-    if (options.resume) {
-      return {ErrorCode::invalid_argument, "--resume goes on with queries that have a row a ray; leave it out"};
-    }
-    RAYMILL_ASSIGN_OR_RETURN(ListFiles whole, ListFiles::create(options.output, layout, reader.count()));
-    lists.emplace(std::move(whole));
-  } else if (!options.resume) {
-    RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header));
-    file.emplace(std::move(whole));
-  }
+  RAYMILL_ASSIGN_OR_RETURN(std::optional<SkipFileReader> skipped, open_skipped(options, reader.count(), buffer.size()));
+  Answers answers;
+  RAYMILL_RETURN_IF_ERROR(answers.create(options, reader.count()));
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
   if (options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
-    RAYMILL_ASSIGN_OR_RETURN(
-        HitFile part, HitFile::resume(options.output, header, layout.row_bytes(), run_of(options, reader, info)));
-    file.emplace(std::move(part));
-    reader.skip(file->rows_done());
+    RAYMILL_RETURN_IF_ERROR(answers.resume(options, reader.count(), run_of(options, reader, skipped, info)));
+    reader.skip(answers.rays_done());
+    if (skipped) {
+      skipped->skip(answers.rays_done());
+    }
   }
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open.store->trace(options.query.config));
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
-  std::uint64_t rows = file ? file->rows_done() : 0;
-  const std::uint64_t rows_before = rows;
+  const std::uint64_t rays_before = answers.rays_done();
   BatchTimes times;
   const Status status = run_batch(
       *job,
@@ -78,29 +139,22 @@ Status run(TraceOptions& options) {
         RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(buffer));
         return std::span<const Ray>(buffer).first(count);
       },
-      [&](const HitChunk& chunk) {
-        if (lists) {
-          return lists->write(chunk);
-        }
-        rows += chunk.size();
-        return file->write(chunk.rows());
-      },
+      [&](const HitChunk& chunk) { return answers.write(chunk); },
       [&](const JobProgress& state) {
-        progress->report("trace", static_cast<double>(rows_before + state.rays_done) / total, state.rays_done, "rays",
+        progress->report("trace", static_cast<double>(rays_before + state.rays_done) / total, state.rays_done, "rays",
                          state.bytes_read);
       },
-      times);
+      times, source_of(skipped));
   if (status.code() == ErrorCode::interrupted && options.resume) {
     return {status.code(),
             status.message() + "; " + options.output + ".part holds what is finished, repeat the command to go on"};
   }
   RAYMILL_RETURN_IF_ERROR(status);
-  rows = lists ? lists->rays_done() : rows;
-  if (rows != reader.count()) {
-    return {ErrorCode::internal,
-            "a bug of Raymill: " + std::to_string(rows) + " answers for " + std::to_string(reader.count()) + " rays"};
+  if (answers.rays_done() != reader.count()) {
+    return {ErrorCode::internal, "a bug of Raymill: " + std::to_string(answers.rays_done()) + " answers for " +
+                                     std::to_string(reader.count()) + " rays"};
   }
-  RAYMILL_RETURN_IF_ERROR(lists ? lists->commit() : file->commit());
+  RAYMILL_RETURN_IF_ERROR(answers.commit());
   progress.reset();
   const JobStats stats = with_peak(job->stats(), options.service);
   const RunTimes run_times{open.open_seconds, times.input_seconds, times.output_seconds};
@@ -131,6 +185,11 @@ Verb add_trace(CLI::App& app) {
   verb->add_flag("--resume", options->resume,
                  "Keep what is finished in HITS.npy.part when the run is stopped, and go on from there when it is "
                  "repeated");
+  verb->add_option(
+          "--skip", options->skip,
+          "A primitive for each ray that it passes through, as the surface that it leaves: .npy of uint32, shape "
+          "(N, 2), geometry_id and primitive_id; 4294967295 for none")
+      ->type_name("IDS.npy");
   options->query.add_to(*verb);
   options->query.add_lists_to(*verb);
   options->service.add_to(*verb);

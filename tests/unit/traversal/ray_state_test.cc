@@ -78,6 +78,26 @@ TEST(RecordLayout, CornersOfTheHitComeBackWhereTheyAreKept) {
   }
 }
 
+TEST(RecordLayout, CountAndSkippedPrimitiveComeBackWhereTheyAreKept) {
+  tests::Random random(6);
+  RayState ray = ray_at(8, 16, random), back;
+  ray.tnear = 0.5F;
+  ray.has_hit = true;
+  ray.hit.count = 0x01020304;
+  ray.skipped = {7, 8};
+  for (const KeptSkip kept : {KeptSkip::none, KeptSkip::of_ray}) {
+    const RecordLayout layout(Field::count, KeptCorners::none, kept);
+    std::vector<std::byte> record(layout.most_bytes());
+    const std::size_t bytes = layout.pack(ray, record.data());
+    EXPECT_EQ(bytes, layout.bytes(record.data()));
+    layout.unpack(record.data(), back);
+    EXPECT_EQ(back.hit.count, ray.hit.count);
+    EXPECT_EQ(back.skipped, kept == KeptSkip::of_ray ? ray.skipped : PrimitiveIds());
+    EXPECT_EQ(back.tnear, ray.tnear);
+    EXPECT_EQ(back.stack.words, ray.stack.words);
+  }
+}
+
 TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   RayState ray;
   const RecordLayout layout(Field::t | Field::ids);
@@ -92,6 +112,10 @@ TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   EXPECT_EQ(RecordLayout(Field::none, KeptCorners::of_hit).bytes(ray), 78u) << "in mode exact, the hit's corners";
   ray.has_hit = false;
   EXPECT_EQ(RecordLayout(Field::none, KeptCorners::of_hit).bytes(ray), 42u);
+  EXPECT_EQ(RecordLayout(Field::count).bytes(ray), 42u) << "nothing is counted yet";
+  EXPECT_EQ(RecordLayout(Field::none, KeptCorners::none, KeptSkip::of_ray).bytes(ray), 50u);
+  ray.has_hit = true;
+  EXPECT_EQ(RecordLayout(Field::count).bytes(ray), 46u);
 }
 
 }  // namespace
