@@ -11,7 +11,7 @@ namespace {
 
 // Rays that are made into records between two locks.
 constexpr std::size_t kPieceRays = 1024;
-static_assert(kPieceRays / RayPool::records_per_chunk(64) + 1 <= RaySpiller::kPushChunks, "no hit yet: 64 B at most");
+static_assert(kPieceRays / RayPool::records_per_chunk(68) + 1 <= RaySpiller::kPushChunks, "no hit yet: 68 B at most");
 
 Hit unanswered(Query query) {
   Hit hit;
@@ -71,30 +71,35 @@ void EngineJob::cancel() {
 
 Status EngineJob::push(std::span<const Ray> rays) { return push_all(rays, {}); }
 
-Status EngineJob::push_skipping(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped) {
-  if (!job_->config.skips) {
-    return {ErrorCode::invalid_argument, "the job was not asked to skip primitives (TraceConfig::skips)"};
-  }
-  if (skipped.size() != rays.size()) {
-    return {ErrorCode::invalid_argument, std::to_string(rays.size()) + " rays with " + std::to_string(skipped.size()) +
-                                             " primitives to skip; each ray takes one"};
-  }
-  return push_all(rays, skipped);
+Status EngineJob::push_with(std::span<const Ray> rays, const RayExtras& extras) {
+  const auto check = [&](std::size_t count, bool asked, const char* what) -> Status {
+    if (count > 0 && !asked) {
+      return {ErrorCode::invalid_argument,
+              std::string("the job was not asked for rays with ") + what + " (TraceConfig)"};
+    }
+    if (count > 0 && count != rays.size()) {
+      return {ErrorCode::invalid_argument, std::to_string(rays.size()) + " rays with " + std::to_string(count) + " " +
+                                               what + "; each ray takes one"};
+    }
+    return {};
+  };
+  RAYMILL_RETURN_IF_ERROR(check(extras.skipped.size(), job_->config.skips, "primitives to skip"));
+  RAYMILL_RETURN_IF_ERROR(check(extras.masks.size(), job_->config.masks, "masks"));
+  return push_all(rays, extras);
 }
 
-// `skipped`: empty, or one for each ray.
-Status EngineJob::push_all(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped) {
+Status EngineJob::push_all(std::span<const Ray> rays, const RayExtras& extras) {
   const IeeeScope ieee;
-  while (!rays.empty()) {
-    RAYMILL_ASSIGN_OR_RETURN(Numbered some, take_in(rays));
-    some.skipped = skipped.first(skipped.empty() ? 0 : some.rays.size());
+  for (std::size_t at = 0; at < rays.size();) {
+    RAYMILL_ASSIGN_OR_RETURN(Numbered some, take_in(rays.subspan(at)));
+    some.extras.skipped = extras.skipped.subspan(extras.skipped.empty() ? 0 : at);
+    some.extras.masks = extras.masks.subspan(extras.masks.empty() ? 0 : at);
     const bool sorted = tracer_->sorts(some.rays);
     const auto order = sorted ? order_.sort(some.rays) : std::span<const std::uint32_t>();
     for (std::size_t first = 0; first < some.rays.size(); first += kPieceRays) {
       RAYMILL_RETURN_IF_ERROR(push_piece(some, order, first, std::min(kPieceRays, some.rays.size() - first)));
     }
-    rays = rays.subspan(some.rays.size());
-    skipped = skipped.subspan(some.skipped.size());
+    at += some.rays.size();
   }
   return {};
 }
@@ -177,7 +182,8 @@ EngineJob::Piece EngineJob::pack(const Numbered& some, std::span<const std::uint
     // A hit has a finite t; beyond float32 lies a miss.
     state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
     state.number = number;
-    state.skipped = some.skipped.empty() ? PrimitiveIds() : some.skipped[index];
+    state.skipped = some.extras.skipped.empty() ? PrimitiveIds() : some.extras.skipped[index];
+    state.mask = some.extras.masks.empty() ? kAllMask : some.extras.masks[index];
     state.node = static_cast<std::uint16_t>(footer.root_node);
     at += layout.pack(state, records_.data() + at);
     ++piece.valid;

@@ -20,7 +20,7 @@ class EngineJob final : public Job {
   ~EngineJob() override;
 
   Status push(std::span<const Ray> rays) override;
-  Status push_skipping(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped) override;
+  Status push_with(std::span<const Ray> rays, const RayExtras& extras) override;
   Status finish() override;
   std::optional<HitChunk> next() override;
   [[nodiscard]] Status status() const override;
@@ -34,10 +34,10 @@ class EngineJob final : public Job {
   /// Rays whose numbers follow each other.
   struct Numbered {
     std::span<const Ray> rays;
-    std::span<const PrimitiveIds> skipped;  // empty: nothing is
+    RayExtras extras;  // of these rays, and more after them
     std::uint32_t first_number = 0;
   };
-  Status push_all(std::span<const Ray> rays, std::span<const PrimitiveIds> skipped);
+  Status push_all(std::span<const Ray> rays, const RayExtras& extras);
   Result<Numbered> take_in(std::span<const Ray> rays);
   Status make_room(std::unique_lock<std::mutex>& lock);
   Piece pack(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);

@@ -45,6 +45,20 @@ struct CrossingBuffer {
   }
 };
 
+/// Which hits count, where not all do.
+struct HitFilter {
+  bool skips = false;                             ///< rays have a primitive each that is no hit
+  std::uint32_t mask = kAllMask;                  ///< besides a ray's own
+  std::span<const std::uint32_t> geometry_masks;  ///< [geometry_id]; beyond it: all bits
+
+  [[nodiscard]] bool drops(const RayState& ray, const PrimitiveIds& ids) const {
+    if (skips && ids == ray.skipped) {
+      return true;
+    }
+    return ids.geometry_id < geometry_masks.size() && (geometry_masks[ids.geometry_id] & ray.mask & mask) == 0;
+  }
+};
+
 /// What a kernel reads. Plain data; the pages found through `images` must stay until the call returns.
 struct KernelContext {
   const std::atomic<const std::byte*>* images = nullptr;  ///< [page_count]; null: not resident
@@ -52,7 +66,7 @@ struct KernelContext {
   bool need_normal = false;
   KernelCounters counters;
   bool corrupt = false;                 ///< set when a reference leads to a node that cannot be its target
-  bool skips = false;                   ///< rays have a primitive each that is no hit
+  const HitFilter* filter = nullptr;    ///< none: all hits count
   CrossingBuffer* crossings = nullptr;  ///< none: they are counted alone
 };
 
@@ -65,7 +79,7 @@ struct ExpandedContext {
   bool need_normal = false;
   bool packets = true;  ///< coherent rays go together
   KernelCounters counters;
-  bool skips = false;                   ///< as above
+  const HitFilter* filter = nullptr;    ///< as above
   CrossingBuffer* crossings = nullptr;  ///< as above
 };
 

@@ -46,6 +46,7 @@ constexpr Field kDefaultClosestFields = Field::t | Field::uv | Field::ids;
 
 constexpr std::uint32_t kNoId = 0xFFFFFFFFu;
 constexpr std::uint32_t kNoCount = 0xFFFFFFFFu;
+constexpr std::uint32_t kAllMask = 0xFFFFFFFFu;
 
 /// A ray in world space. dir need not have length one; t counts in lengths of dir; a hit has tnear <= t <= tfar.
 /// A ray is invalid when org or dir holds a NaN or an infinity, dir is zero, an end of the interval is NaN, or

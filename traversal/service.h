@@ -27,7 +27,19 @@ struct TraceConfig {
   Mode mode = Mode::watertight;
   Field fields = kDefaultClosestFields;  ///< Query::any answers Field::t alone and Query::count Field::count
   std::uint64_t first = 0;               ///< Query::all: of each ray at most so many hits, the nearest; 0: all
-  bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_skipping)
+  bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_with)
+  bool masks = false;                    ///< each ray brings a mask (Job::push_with)
+  std::uint32_t mask = kAllMask;         ///< of every ray, besides
+  /// [geometry_id]; a triangle is a hit where a bit is set in its geometry's mask and in those of the ray. None, or too
+  /// short for an id: all bits. The caller's memory: what is there before an Engine is made counts.
+  std::shared_ptr<const std::vector<std::uint32_t>> geometry_masks = {};
+};
+
+/// What rays bring; each empty, or one for each ray.
+struct RayExtras {
+  /// A primitive that the ray passes through, as the surface that it leaves; kNoId for none.
+  std::span<const PrimitiveIds> skipped = {};
+  std::span<const std::uint32_t> masks = {};
 };
 
 /// Rows of hits for consecutive rays: a row a ray, but for Query::all, where offsets() says whose they are. Move-only:
@@ -127,11 +139,10 @@ class Job {
   /// temporary file, so pushing everything before the first next() is fine.
   /// Errors: cancelled, and whatever ended the job.
   virtual Status push(std::span<const Ray> rays) = 0;
-  /// The same for a job that skips (TraceConfig::skips): `skipped` [rays] names for each ray a primitive that it passes
-  /// through, as the surface that it leaves; kNoId for none. Errors: also invalid_argument (not such a job, or the
-  /// lengths differ), unsupported (by a server).
-  virtual Status push_skipping(std::span<const Ray> /*rays*/, std::span<const PrimitiveIds> /*skipped*/) {
-    return {ErrorCode::unsupported, "rays that skip primitives are traced by an Engine alone"};
+  /// The same for rays that bring what the job was asked for (TraceConfig::skips, masks). Errors: also invalid_argument
+  /// (it was not, or the lengths differ), unsupported (by a server).
+  virtual Status push_with(std::span<const Ray> /*rays*/, const RayExtras& /*extras*/) {
+    return {ErrorCode::unsupported, "rays that bring primitives or masks are traced by an Engine alone"};
   }
   /// Says that no more rays come.
   virtual Status finish() = 0;

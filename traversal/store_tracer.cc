@@ -36,6 +36,9 @@ Status check(const TraceConfig& config) {
   if (has(config.fields, Field::count) && config.query != Query::count) {
     return {ErrorCode::invalid_argument, "only the query count answers the field count"};
   }
+  if (!config.geometry_masks && (config.masks || config.mask != kAllMask)) {
+    return {ErrorCode::invalid_argument, "masks of rays need masks of geometries to be held against"};
+  }
   if (config.first != 0 && config.query != Query::all) {
     return {ErrorCode::invalid_argument, "only the query all gives the first hits of a ray; closest gives the first"};
   }
@@ -135,7 +138,7 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   JobPlan plan = plan_job(plan_, rules.page_count, rows);
   setup.most_in_flight = plan.most_in_flight;
   plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config),
-                                     config.skips ? KeptSkip::of_ray : KeptSkip::none);
+                                     {.skipped = config.skips, .mask = config.masks});
   plan.waiting.directory = config_.spill_directory;
   plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 

@@ -166,7 +166,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
     ExpandedContext context{.tree = tree->view(),
                             .need_normal = need_normal,
                             .counters = {},
-                            .skips = job.config.skips,
+                            .filter = job.hit_filter(),
                             .crossings = crossings};
     counters.rays_expanded = static_cast<std::uint64_t>(others - rays.begin());
     job.expanded_kernel(context, rays.first(counters.rays_expanded));
@@ -180,7 +180,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
   context.need_normal = need_normal;
-  context.skips = job.config.skips;
+  context.filter = job.hit_filter();
   context.crossings = crossings;
   job.kernel(context, rays);
   if (worker.lone_page) {

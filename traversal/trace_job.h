@@ -42,6 +42,10 @@ class TraceJob {
 
   // Set once.
   const TraceConfig config;
+  const HitFilter filter;  ///< of the config
+  [[nodiscard]] const HitFilter* hit_filter() const {
+    return filter.skips || !filter.geometry_masks.empty() ? &filter : nullptr;
+  }
   const Kernel kernel;
   const ExpandedKernel expanded_kernel;
   const std::string kernel_name;

@@ -22,30 +22,23 @@ constexpr std::size_t kSliceRays = 32 << 10;
 double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
 
 // Pushes the next rays; false when there are no more. `job_error` is the job's, the returned one the sources'.
-Result<bool> push_some(Job& job, const RaySource& source, const SkipSource& skipped, double& seconds,
+Result<bool> push_some(Job& job, const RaySource& source, const ExtrasSource& extras, double& seconds,
                        Status& job_error) {
   const auto begin = Clock::now();
   RAYMILL_ASSIGN_OR_RETURN(const auto rays, source());
-  if (rays.empty()) {
-    seconds += seconds_since(begin);
-    job_error = job.finish();
-    return false;
+  RayExtras bring;
+  if (extras && !rays.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(bring, extras(rays.size()));
   }
-  if (!skipped) {
-    seconds += seconds_since(begin);
-    job_error = job.push(rays);
-    return job_error.ok();
-  }
-  RAYMILL_ASSIGN_OR_RETURN(const auto primitives, skipped(rays.size()));
   seconds += seconds_since(begin);
-  job_error = job.push_skipping(rays, primitives);
-  return job_error.ok();
+  job_error = rays.empty() ? job.finish() : extras ? job.push_with(rays, bring) : job.push(rays);
+  return !rays.empty() && job_error.ok();
 }
 
-Status push_all(Job& job, const RaySource& source, const SkipSource& skipped, double& seconds, Status& job_error) {
+Status push_all(Job& job, const RaySource& source, const ExtrasSource& extras, double& seconds, Status& job_error) {
   Result<bool> more = true;
   while (more && *more) {
-    more = push_some(job, source, skipped, seconds, job_error);
+    more = push_some(job, source, extras, seconds, job_error);
   }
   return more.status();
 }
@@ -90,13 +83,13 @@ class Watcher {
 }  // namespace
 
 Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
-                 BatchTimes& times, const SkipSource& skipped) {
+                 BatchTimes& times, const ExtrasSource& extras) {
   Status source_error, push_error, sink_error;
   double input_seconds = 0;
   {
     const Watcher watcher(job, observer);
     std::thread pusher([&] {
-      source_error = push_all(job, source, skipped, input_seconds, push_error);
+      source_error = push_all(job, source, extras, input_seconds, push_error);
       if (!source_error.ok()) {
         job.cancel();
       }

@@ -1,7 +1,5 @@
 #include "client/cli/list_files.h"
 
-#include <unistd.h>
-
 #include <limits>
 #include <span>
 
@@ -17,9 +15,10 @@ std::string ListFiles::offsets_path(const std::string& hits_path) {
 
 Result<ListFiles> ListFiles::create(const std::string& hits_path, const HitLayout& layout, std::uint64_t ray_count) {
   RAYMILL_ASSIGN_OR_RETURN(storage::AtomicFile hits, storage::AtomicFile::create(hits_path));
-  if (::lseek(hits.descriptor(), 0, SEEK_CUR) < 0) {
-    return {ErrorCode::invalid_argument,
-            hits_path + ": is a pipe; how many hits there are stands at the beginning and is known last: name a file"};
+  if (hits.temporary_path() == hits.path()) {
+    return {ErrorCode::invalid_argument, hits_path +
+                                             ": is a pipe or a device; how many hits there are stands at the "
+                                             "beginning and is known last, so name a plain file"};
   }
   RAYMILL_ASSIGN_OR_RETURN(storage::AtomicFile offsets, storage::AtomicFile::create(offsets_path(hits_path)));
   ListFiles files(std::move(hits), std::move(offsets), layout);

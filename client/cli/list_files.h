@@ -21,7 +21,7 @@ namespace raymill::client {
 
 class ListFiles {
  public:
-  /// Errors: those of AtomicFile; invalid_argument (a pipe: its header could not be written last).
+  /// Errors: those of AtomicFile; invalid_argument (not a plain file: the header is written last).
   static Result<ListFiles> create(const std::string& hits_path, const HitLayout& layout, std::uint64_t ray_count);
   /// "hits.npy" -> "hits.offsets.npy".
   static std::string offsets_path(const std::string& hits_path);

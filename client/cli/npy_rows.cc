@@ -15,8 +15,8 @@ namespace raymill::client {
 
 namespace {
 
-constexpr std::size_t kBufferBytes = 64 << 10;
-static_assert(kBufferBytes >= kMaxNpyHeaderBytes);
+constexpr std::size_t kRowBufferBytes = 64 << 10;
+static_assert(kRowBufferBytes >= kMaxNpyHeaderBytes);
 
 Status io_error(const std::string& path, int number) {
   return {number == ENOENT ? ErrorCode::not_found : ErrorCode::io,
@@ -65,7 +65,7 @@ Result<NpyRows> NpyRows::open(const std::string& path, const std::string& what) 
     return file.bad(what + " are read from plain files only; this is a folder, a pipe or a device");
   }
   file.file_bytes_ = static_cast<std::uint64_t>(stat.st_size);
-  file.buffer_.resize(kBufferBytes);
+  file.buffer_.resize(kRowBufferBytes);
   RAYMILL_ASSIGN_OR_RETURN(const std::size_t begin_bytes, read_at(path, file.descriptor_, 0, file.buffer_));
   auto parsed = parse_npy_header(std::span(file.buffer_).first(begin_bytes));
   if (!parsed) {

@@ -11,8 +11,8 @@
 #include "client/cli/list_files.h"
 #include "client/cli/npy.h"
 #include "client/cli/options.h"
+#include "client/cli/ray_columns.h"
 #include "client/cli/ray_file.h"
-#include "client/cli/skip_file.h"
 #include "client/cli/verbs.h"
 
 namespace raymill::client {
@@ -25,19 +25,22 @@ struct TraceOptions {
   std::string output;
   QueryOptions query;
   ServiceOptions service;
-  std::string skip;
+  RayColumns::Paths columns;
+  std::string geometry_masks;
   std::string progress;
   bool json = false;
   bool resume = false;
 };
 
 // What the rows depend on: a part of the hits goes on only where all of it is the same.
-nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader,
-                      const std::optional<SkipFileReader>& skipped, const StoreInfo& store) {
+nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const RayColumns& columns,
+                      const StoreInfo& store) {
   return {{"rays", options.rays},
           {"rays_file", reader.identity()},
           {"ray_count", reader.count()},
-          {"skip", skipped ? options.skip + ", " + skipped->identity() : ""},
+          {"columns", columns.identity()},
+          {"mask", options.query.config.mask},
+          {"geometry_masks", options.geometry_masks},
           {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
           {"query", to_string(options.query.config.query)},
           {"mode", to_string(options.query.config.mode)},
@@ -91,23 +94,16 @@ class Answers {
   std::uint64_t rays_done_ = 0;
 };
 
-// The primitives that rays pass through, where the job is to skip some.
-Result<std::optional<SkipFileReader>> open_skipped(TraceOptions& options, std::uint64_t ray_count,
-                                                   std::size_t most_rays) {
-  options.query.config.skips = !options.skip.empty();
-  std::optional<SkipFileReader> skipped;
-  if (options.query.config.skips) {
-    RAYMILL_ASSIGN_OR_RETURN(SkipFileReader file, SkipFileReader::open(options.skip, ray_count, most_rays));
-    skipped.emplace(std::move(file));
+// What the job is to be asked for besides.
+Status read_masks(TraceOptions& options) {
+  TraceConfig& config = options.query.config;
+  config.skips = !options.columns.skip.empty();
+  config.masks = !options.columns.masks.empty();
+  if (!options.geometry_masks.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(std::vector<std::uint32_t> masks, read_geometry_masks(options.geometry_masks));
+    config.geometry_masks = std::make_shared<const std::vector<std::uint32_t>>(std::move(masks));
   }
-  return skipped;
-}
-
-SkipSource source_of(std::optional<SkipFileReader>& skipped) {
-  if (!skipped) {
-    return {};
-  }
-  return [&skipped](std::size_t rays) { return skipped->read(rays); };
+  return {};
 }
 
 Status run(TraceOptions& options) {
@@ -116,23 +112,23 @@ Status run(TraceOptions& options) {
   // Everything that needs memory comes before the engine, which counts what the process holds.
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
   std::vector<Ray> buffer(buffer_rays(options.service.memory));
-  RAYMILL_ASSIGN_OR_RETURN(std::optional<SkipFileReader> skipped, open_skipped(options, reader.count(), buffer.size()));
+  RAYMILL_ASSIGN_OR_RETURN(RayColumns columns, RayColumns::open(options.columns, reader.count(), buffer.size()));
+  RAYMILL_RETURN_IF_ERROR(read_masks(options));
   Answers answers;
   RAYMILL_RETURN_IF_ERROR(answers.create(options, reader.count()));
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
   if (options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
-    RAYMILL_RETURN_IF_ERROR(answers.resume(options, reader.count(), run_of(options, reader, skipped, info)));
+    RAYMILL_RETURN_IF_ERROR(answers.resume(options, reader.count(), run_of(options, reader, columns, info)));
     reader.skip(answers.rays_done());
-    if (skipped) {
-      skipped->skip(answers.rays_done());
-    }
+    columns.skip(answers.rays_done());
   }
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open.store->trace(options.query.config));
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
   const std::uint64_t rays_before = answers.rays_done();
   BatchTimes times;
+  const bool brings = options.query.config.skips || options.query.config.masks;
   const Status status = run_batch(
       *job,
       [&]() -> Result<std::span<const Ray>> {
@@ -144,7 +140,7 @@ Status run(TraceOptions& options) {
         progress->report("trace", static_cast<double>(rays_before + state.rays_done) / total, state.rays_done, "rays",
                          state.bytes_read);
       },
-      times, source_of(skipped));
+      times, brings ? [&columns](std::size_t rays) { return columns.read(rays); } : ExtrasSource());
   if (status.code() == ErrorCode::interrupted && options.resume) {
     return {status.code(),
             status.message() + "; " + options.output + ".part holds what is finished, repeat the command to go on"};
@@ -161,6 +157,21 @@ Status run(TraceOptions& options) {
   RAYMILL_RETURN_IF_ERROR(write_stats(options.service, open, stats, run_times));
   return options.json ? print_json(stats_json(stats, run_times, options.service.memory, options.service.thread_count()))
                       : print(stats_text(stats));
+}
+
+// Options of what rays bring, and of what it is held against.
+void add_columns(CLI::App& verb, TraceOptions& options) {
+  verb.add_option("--skip", options.columns.skip,
+                  "A primitive for each ray that it passes through, as the surface that it leaves: .npy of uint32, "
+                  "shape (N, 2), geometry_id and primitive_id; 4294967295 for none")
+      ->type_name("IDS.npy");
+  verb.add_option("--geometry-masks", options.geometry_masks,
+                  "Masks of geometries: .npy of uint32, shape (G,). A triangle is a hit where a bit is set in its "
+                  "geometry's mask and in the ray's; geometries beyond G have all bits")
+      ->type_name("MASKS.npy");
+  verb.add_option("--mask", options.query.config.mask, "The mask of every ray. Default: all bits")->type_name("BITS");
+  verb.add_option("--ray-masks", options.columns.masks, "A mask for each ray, besides: .npy of uint32, shape (N,)")
+      ->type_name("MASKS.npy");
 }
 
 }  // namespace
@@ -185,11 +196,7 @@ Verb add_trace(CLI::App& app) {
   verb->add_flag("--resume", options->resume,
                  "Keep what is finished in HITS.npy.part when the run is stopped, and go on from there when it is "
                  "repeated");
-  verb->add_option(
-          "--skip", options->skip,
-          "A primitive for each ray that it passes through, as the surface that it leaves: .npy of uint32, shape "
-          "(N, 2), geometry_id and primitive_id; 4294967295 for none")
-      ->type_name("IDS.npy");
+  add_columns(*verb, *options);
   options->query.add_to(*verb);
   options->query.add_lists_to(*verb);
   options->service.add_to(*verb);

@@ -60,12 +60,15 @@ void append_lists(const HitChunk& chunk, Traced& traced) {
 
 }  // namespace
 
-Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays, std::span<const PrimitiveIds> skipped) {
+Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays, const RayExtras& extras) {
   Traced traced;
   const std::size_t piece = push_rays == 0 ? std::max<std::size_t>(rays.size(), 1) : push_rays;
   for (std::size_t i = 0; i < rays.size() && traced.status.ok(); i += piece) {
     const auto some = rays.subspan(i, std::min(piece, rays.size() - i));
-    traced.status = skipped.empty() ? job.push(some) : job.push_skipping(some, skipped.subspan(i, some.size()));
+    const RayExtras bring{.skipped = extras.skipped.empty() ? extras.skipped : extras.skipped.subspan(i, some.size()),
+                          .masks = extras.masks.empty() ? extras.masks : extras.masks.subspan(i, some.size())};
+    const bool brings = !bring.skipped.empty() || !bring.masks.empty();
+    traced.status = brings ? job.push_with(some, bring) : job.push(some);
   }
   (void)job.finish();
   traced.offsets.push_back(0);
@@ -101,7 +104,7 @@ Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetu
     failed.status = job.status();
     return failed;
   }
-  return run_job(**job, rays, setup.push_rays, setup.skipped);
+  return run_job(**job, rays, setup.push_rays, {.skipped = setup.skipped, .masks = setup.masks});
 }
 
 void set_least_memory(const std::string& path, EngineConfig& config) {

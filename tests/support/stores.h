@@ -40,6 +40,7 @@ struct TraceSetup {
   TraceConfig trace;
   std::size_t push_rays = 0;          ///< rays of one push(); 0: all at once
   std::vector<PrimitiveIds> skipped;  ///< none, or one for each ray
+  std::vector<std::uint32_t> masks;   ///< none, or one for each ray
 };
 
 struct Traced {
@@ -53,9 +54,8 @@ struct Traced {
 
 /// Runs all rays through a store by an engine of its own.
 Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetup& setup = {});
-/// Pushes, finishes and fetches on a job. `skipped`: none, or one for each ray.
-Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays = 0,
-               std::span<const PrimitiveIds> skipped = {});
+/// Pushes, finishes and fetches on a job.
+Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays = 0, const RayExtras& extras = {});
 
 /// The same with the least memory that an engine of this process gets along with, found in small steps.
 Traced trace_with_least_memory(const std::string& path, std::span<const Ray> rays, TraceSetup setup);

@@ -122,7 +122,7 @@ struct ExpandedRay {
     if (!place_hit<kMode>(frame, corners, hit, tnear, tfar, t)) {
       return false;
     }
-    if (context.skips && ids_of(leaf, triangle) == ray->skipped) {
+    if (context.filter != nullptr && context.filter->drops(*ray, ids_of(leaf, triangle))) {
       return false;
     }
     if constexpr (kQuery == Query::any) {

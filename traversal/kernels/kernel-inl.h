@@ -370,7 +370,7 @@ class Batch {
     }
     RayState& ray = *lane->ray;
     const std::byte* image = lane->places[lane->level].image;
-    if (context_.skips && ids_of(image, triangle) == ray.skipped) {
+    if (context_.filter != nullptr && context_.filter->drops(ray, ids_of(image, triangle))) {
       return false;
     }
     if constexpr (kQuery == Query::any) {

@@ -1,7 +1,9 @@
-// Rays that pass through a primitive, as the surface that they leave: it is no hit of theirs, and everything else is.
+// Hits that do not count: those of the primitive that a ray passes through, as the surface that it leaves, and those
+// of geometries whose mask has no bit of the ray's. Everything else is hit as ever.
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 
 #include "tests/support/brute_force.h"
 #include "tests/support/rays.h"
@@ -17,9 +19,9 @@ using tests::TraceSetup;
 
 PrimitiveIds ids_of(const Hit& hit) { return {hit.geometry_id, hit.primitive_id}; }
 
-class SkipTest : public testing::Test {
+class HitFilterTest : public testing::Test {
  protected:
-  SkipTest() {
+  HitFilterTest() {
     Random random(1);
     scene_ = {tests::soup(random, 1500, 0.3F), tests::sphere({}, 0.8F, 10, 16), tests::grid(12, 0.3F)};
     path_ = tests::build_store(folder_, "scene.mill", scene_);
@@ -58,7 +60,7 @@ class SkipTest : public testing::Test {
   std::vector<PrimitiveIds> skipped_;
 };
 
-TEST_F(SkipTest, TheListLacksThePrimitiveAndNothingElse) {
+TEST_F(HitFilterTest, TheListLacksThePrimitiveAndNothingElse) {
   for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
     TraceSetup everything = setup(Query::all, mode, "compact");
     everything.trace.skips = false;
@@ -85,7 +87,7 @@ TEST_F(SkipTest, TheListLacksThePrimitiveAndNothingElse) {
   }
 }
 
-TEST_F(SkipTest, TheNearestOfTheOthersIsHitInEveryLayout) {
+TEST_F(HitFilterTest, TheNearestOfTheOthersIsHitInEveryLayout) {
   for (const Mode mode : {Mode::watertight, Mode::exact}) {
     const Traced compact = tests::trace_with_least_memory(path_, rays_, setup(Query::closest, mode, "compact"));
     const Traced expanded = tests::trace(path_, rays_, setup(Query::closest, mode, "expanded"));
@@ -109,7 +111,7 @@ TEST_F(SkipTest, TheNearestOfTheOthersIsHitInEveryLayout) {
 }
 
 // Coherent rays go as packets there.
-TEST_F(SkipTest, PacketsPassThroughToo) {
+TEST_F(HitFilterTest, PacketsPassThroughToo) {
   std::vector<Ray> rays;
   for (int i = 0; i < 64 * 64; ++i) {
     rays.push_back(tests::ray({0, 0, 3}, {float(i % 64) / 640, float(i / 64) / 640, -1}));
@@ -133,18 +135,69 @@ TEST_F(SkipTest, PacketsPassThroughToo) {
   }
 }
 
-TEST_F(SkipTest, WhatCannotBeIsRefused) {
+TEST_F(HitFilterTest, MasksLeaveGeometriesOut) {
+  Random random(5);
+  const std::vector<std::uint32_t> of_geometries{1, 6};  // the third has every bit
+  std::vector<std::uint32_t> of_rays(rays_.size());
+  for (std::uint32_t& mask : of_rays) {
+    mask = random.below(16);
+  }
+  TraceSetup everything = setup(Query::all, Mode::watertight, "compact");
+  everything.trace.skips = false;
+  everything.skipped.clear();
+  const Traced whole = tests::trace(path_, rays_, everything);
+  for (const std::uint32_t of_all : {kAllMask, 5u}) {
+    for (const char* layout : {"compact", "expanded"}) {
+      TraceSetup masked = everything;
+      masked.engine.layout = layout;
+      masked.trace.masks = true;
+      masked.trace.mask = of_all;
+      masked.trace.geometry_masks = std::make_shared<const std::vector<std::uint32_t>>(of_geometries);
+      masked.masks = of_rays;
+      masked.push_rays = 700;
+      const Traced lists = tests::trace(path_, rays_, masked);
+      masked.trace.query = Query::any;
+      masked.engine.layout = "compact";
+      const Traced any = tests::trace_with_least_memory(path_, rays_, masked);
+      ASSERT_TRUE(lists.status.ok() && any.status.ok()) << lists.status.message() << any.status.message();
+      std::size_t left_out = 0, at = 0;
+      for (std::size_t ray = 0; ray < rays_.size(); ++ray) {
+        const std::size_t before = at;
+        for (std::uint64_t i = whole.offsets[ray]; i < whole.offsets[ray + 1]; ++i) {
+          const Hit& hit = whole.hits[i];
+          const std::uint32_t mask = hit.geometry_id < 2 ? of_geometries[hit.geometry_id] & of_rays[ray] & of_all : 1;
+          if (mask == 0) {
+            ++left_out;
+          } else {
+            ASSERT_TRUE(tests::same_bits(hit, lists.hits.at(at++)));
+          }
+        }
+        EXPECT_EQ(lists.offsets[ray + 1], at);
+        EXPECT_EQ(any.hits[ray].t == 0, at > before);
+      }
+      EXPECT_GT(left_out, whole.hits.size() / 4);
+      EXPECT_GT(at, whole.hits.size() / 4);
+    }
+  }
+}
+
+TEST_F(HitFilterTest, WhatCannotBeIsRefused) {
   const auto engine = *Engine::create(EngineConfig{.memory = gibibytes(8), .threads = 1});
   const auto store = *engine->open(path_);
   {
     const auto job = *store->trace({});
-    EXPECT_EQ(job->push_skipping(rays_, skipped_).code(), ErrorCode::invalid_argument) << "no such job";
+    EXPECT_EQ(job->push_with(rays_, {.skipped = skipped_}).code(), ErrorCode::invalid_argument) << "no such job";
   }
   TraceConfig skips;
   skips.skips = true;
   const auto job = *store->trace(skips);
-  EXPECT_EQ(job->push_skipping(rays_, std::span(skipped_).subspan(1)).code(), ErrorCode::invalid_argument);
+  EXPECT_EQ(job->push_with(rays_, {.skipped = std::span(skipped_).subspan(1)}).code(), ErrorCode::invalid_argument);
+  const std::vector<std::uint32_t> masks(rays_.size(), 1);
+  EXPECT_EQ(job->push_with(rays_, {.masks = masks}).code(), ErrorCode::invalid_argument) << "nor such a job";
   EXPECT_TRUE(job->push(rays_).ok()) << "rays that pass through nothing";
+  TraceConfig alone;
+  alone.mask = 1;
+  EXPECT_EQ(store->trace(alone).status().code(), ErrorCode::invalid_argument) << "no masks to hold it against";
 }
 
 }  // namespace
