@@ -187,8 +187,6 @@ Status ResultWindow::spill_block() {
   return file_.write(place, {block(index), config_.block_bytes});
 }
 
-std::uint64_t ResultWindow::spilled_bytes() const { return spilled_bytes_ + (lists_ ? lists_->spilled_bytes() : 0); }
-
 bool ResultWindow::deliverable() const {
   if (lists_ && (sorting_.slot != kNone || !lists_->has_piece())) {
     return lists_->has_piece();
@@ -311,6 +309,7 @@ void ResultWindow::end_blocks() {
   }
   sorting_.blocks.clear();
   sorting_.places.clear();
+  lists_spilled_bytes_ = lists_->spilled_bytes();
 }
 
 HitLists::Piece ResultWindow::begin_piece() {
@@ -321,6 +320,7 @@ HitLists::Piece ResultWindow::begin_piece() {
 
 ResultWindow::PiecePlace ResultWindow::end_piece(const HitLists::Piece& piece) {
   const PiecePlace place{next_index_++, slots_[sorting_.slot].first_ray + piece.first_position};
+  lists_spilled_bytes_ = lists_->spilled_bytes();
   if (piece.is_last) {
     free_slot(std::exchange(sorting_.slot, kNone));
   }

@@ -116,7 +116,8 @@ class ResultWindow {
   PiecePlace end_piece(const HitLists::Piece& piece);
   void free_piece(std::uint32_t piece) { lists_->give_piece(piece); }
 
-  [[nodiscard]] std::uint64_t spilled_bytes() const;
+  /// Of lists: up to the last block or piece that was ended.
+  [[nodiscard]] std::uint64_t spilled_bytes() const { return spilled_bytes_ + lists_spilled_bytes_; }
 
  private:
   static constexpr std::uint32_t kNone = RowBlock::kNone;
@@ -171,6 +172,7 @@ class ResultWindow {
   SpillFile file_;
   std::uint64_t spilled_bytes_ = 0;
   std::unique_ptr<HitLists> lists_;
+  std::uint64_t lists_spilled_bytes_ = 0;  // what lists_ itself says is for its thread alone
   Sorting sorting_;
 };
 

@@ -14,6 +14,7 @@
 #include "client/cli/ray_columns.h"
 #include "client/cli/ray_file.h"
 #include "client/cli/verbs.h"
+#include "storage/base/checksum.h"
 
 namespace raymill::client {
 
@@ -35,12 +36,13 @@ struct TraceOptions {
 // What the rows depend on: a part of the hits goes on only where all of it is the same.
 nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const RayColumns& columns,
                       const StoreInfo& store) {
+  const auto& masks = options.query.config.geometry_masks;
   return {{"rays", options.rays},
           {"rays_file", reader.identity()},
           {"ray_count", reader.count()},
           {"columns", columns.identity()},
           {"mask", options.query.config.mask},
-          {"geometry_masks", options.geometry_masks},
+          {"geometry_masks", masks ? storage::checksum(std::as_bytes(std::span(*masks))) : 0},
           {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
           {"query", to_string(options.query.config.query)},
           {"mode", to_string(options.query.config.mode)},
