@@ -21,6 +21,7 @@ class EngineJob final : public Job {
   ~EngineJob() override;
 
   Status push(std::span<const Ray> rays) override;
+  Status push_with(std::span<const Ray> rays, const RayExtras& extras) override;
   Status finish() override;
   std::optional<HitChunk> next() override;
   [[nodiscard]] Status status() const override;
@@ -33,9 +34,18 @@ class EngineJob final : public Job {
   /// Rays whose numbers follow each other.
   struct Numbered {
     std::span<const Ray> rays;
+    RayExtras extras;  // of these rays, and more after them
     std::uint32_t first_number = 0;
+
+    [[nodiscard]] PrimitiveIds skipped(std::uint32_t index) const {
+      return extras.skipped.empty() ? PrimitiveIds() : extras.skipped[index];
+    }
+    [[nodiscard]] std::uint32_t mask(std::uint32_t index) const {
+      return extras.masks.empty() ? kAllMask : extras.masks[index];
+    }
   };
   struct Slice;
+  Status push_all(std::span<const Ray> rays, const RayExtras& extras);
   Result<Numbered> take_in(std::span<const Ray> rays);
   [[nodiscard]] bool has_room() const;
   Status make_room(std::unique_lock<std::mutex>& lock);
@@ -45,6 +55,8 @@ class EngineJob final : public Job {
   std::uint32_t pack(const Slice& slice);
   Status account(std::size_t rays);
   void enqueue(std::uint32_t count);
+  std::optional<HitChunk> next_piece(std::unique_lock<std::mutex>& lock);
+  void fail(std::unique_lock<std::mutex>& lock, const Status& status);
   void end(std::unique_lock<std::mutex>& lock, const Status& status);
 
   std::shared_ptr<StoreTracer> tracer_;

@@ -26,13 +26,24 @@ class FreshRays {
   /// Valid rays of one chunk of the result window.
   struct Block {
     std::uint32_t count;
+    PrimitiveIds* skipped;  // null where rays bring none
+    std::uint32_t* masks;   // as well
     std::array<std::uint32_t, kBlockRays> numbers;
     std::array<Ray, kBlockRays> rays;
+
+    [[nodiscard]] RayExtras extras() const {
+      return {{skipped, skipped != nullptr ? count : 0}, {masks, masks != nullptr ? count : 0}};
+    }
+  };
+  struct Config {
+    unsigned threads = 1;
+    bool skipped = false;  ///< rays bring primitives to skip
+    bool masks = false;    ///< rays bring masks
   };
 
-  static std::uint64_t bytes(unsigned threads) { return blocks_for(threads) * kBytesPerBlock; }
-  /// For so many workers. Claims bytes() (Tag::rays). Errors: budget_exceeded.
-  static Result<std::unique_ptr<FreshRays>> create(unsigned threads, storage::Ledger& ledger);
+  static std::uint64_t bytes(const Config& config);
+  /// Claims bytes() (Tag::rays). Errors: budget_exceeded.
+  static Result<std::unique_ptr<FreshRays>> create(const Config& config, storage::Ledger& ledger);
 
   [[nodiscard]] bool has_room() const { return !free_.empty(); }
   /// Whether so many are free that whoever waits for room is worth waking.
@@ -50,11 +61,10 @@ class FreshRays {
   void clear();
 
  private:
-  // Beside the block two places in lists, of which the longer one grows by doubling.
-  static constexpr std::uint64_t kBytesPerBlock = sizeof(Block) + 4 * sizeof(Block*);
   static std::uint64_t blocks_for(unsigned threads);
+  static std::uint64_t block_bytes(const Config& config);
 
-  FreshRays(std::uint64_t blocks, storage::BudgetReservation claim);
+  FreshRays(const Config& config, storage::BudgetReservation claim);
 
   storage::BudgetReservation claim_;
   const std::uint64_t count_;

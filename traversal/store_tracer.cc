@@ -19,10 +19,30 @@ constexpr std::uint32_t kMostAtRoot = 64 << 10;
 
 // What a waiting ray keeps of its best hit. Ties are broken by ids: they are kept wherever the choice could show.
 Field kept_fields(const TraceConfig& config) {
-  if (config.query == Query::any) {
-    return Field::none;
+  switch (config.query) {
+    case Query::closest:
+      return config.fields == Field::t ? Field::t : config.fields | Field::ids;
+    case Query::count:
+      return Field::count;
+    default:
+      return Field::none;
   }
-  return config.fields == Field::t ? Field::t : config.fields | Field::ids;
+}
+
+Status check(const TraceConfig& config) {
+  if (config.fields == Field::none) {
+    return {ErrorCode::invalid_argument, "a job needs at least one field"};
+  }
+  if (has(config.fields, Field::count) && config.query != Query::count) {
+    return {ErrorCode::invalid_argument, "only the query count answers the field count"};
+  }
+  if (!config.geometry_masks && (config.masks || config.mask != kAllMask)) {
+    return {ErrorCode::invalid_argument, "masks of rays need masks of geometries to be held against"};
+  }
+  if (config.first != 0 && config.query != Query::all) {
+    return {ErrorCode::invalid_argument, "only the query all gives the first hits of a ray; closest gives the first"};
+  }
+  return {};
 }
 
 KeptCorners kept_corners(const TraceConfig& config) {
@@ -101,14 +121,11 @@ StoreTracer::~StoreTracer() {
 Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::shared_ptr<StoreTracer> self) {
   TraceJob::Setup setup;
   setup.config = config;
-  if (config.query == Query::any) {
-    setup.config.fields = Field::t;
-  }
-  if (setup.config.fields == Field::none) {
-    return {ErrorCode::invalid_argument, "a job needs at least one field"};
-  }
+  setup.config.fields = answered_fields(config.query, config.fields);
+  RAYMILL_RETURN_IF_ERROR(check(setup.config));
   const storage::PageRules rules = file_->rules();
-  const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64};
+  const bool is_crossings = config.query == Query::count || config.query == Query::all;
+  const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64 || is_crossings};
   setup.kernel = find_kernel(config_.isa, choice);
   setup.expanded_kernel = find_expanded_kernel(config_.isa, choice);
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
@@ -118,12 +135,13 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
   }
 
-  const HitLayout row(setup.config.fields);
-  JobPlan plan = plan_job(plan_, rules.page_count, row);
+  const RowsAsked rows{setup.config.fields, config.query == Query::all, config.first};
+  JobPlan plan = plan_job(plan_, rules.page_count, rows);
   setup.most_in_flight = plan.most_in_flight;
-  plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config));
+  plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config),
+                                     {.skipped = config.skips, .mask = config.masks});
   plan.waiting.directory = config_.spill_directory;
-  plan.window.spill_directory = config_.spill_directory;
+  plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 
   const std::lock_guard lock(mutex_);
   RAYMILL_RETURN_IF_ERROR(layout_status_);
@@ -133,8 +151,12 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   }
   RAYMILL_ASSIGN_OR_RETURN(setup.waiting, WaitingRays::create(plan.waiting, ledger_));
   RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(plan.window, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(setup.crossings_claim,
+                           ledger_.claim(storage::Tag::results, plan.crossings * sizeof(Crossing)));
+  setup.crossings.resize(plan.crossings / config_.share.threads * config_.share.threads);
   if (fresh_claim_.bytes() > 0) {
-    RAYMILL_ASSIGN_OR_RETURN(setup.fresh, FreshRays::create(config_.share.threads, ledger_));
+    RAYMILL_ASSIGN_OR_RETURN(setup.fresh,
+                             FreshRays::create({config_.share.threads, config.skips, config.masks}, ledger_));
   }
   auto job = std::make_shared<TraceJob>(std::move(setup));
   jobs_.push_back(job);
@@ -259,7 +281,9 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock
   if (job->future_demand && image != nullptr) {
     job->future_demand->taken_up(worker.rays, image);
   }
-  const BatchCounters counters = trace_batch(worker, *job, page, image);
+  Gathering crossings(*this, worker, *job);
+  const BatchCounters counters = trace_batch(worker, *job, page, image, crossings.buffer());
+  crossings.hand_over();
   if (job->future_demand && image != nullptr) {
     job->future_demand->put_back(worker.rays, index_of(page), image);
   }
@@ -310,15 +334,27 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock
   }
 }
 
+// Hits that a worker has gathered join the lists of their rays.
+void StoreTracer::take_crossings(TraceJob& job, std::span<const Crossing> crossings) {
+  const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < crossings.size() && job.status.ok(); ++i) {
+    job.status = job.window->add_hit(crossings[i].number, crossings[i].hit);
+    ++job.stats.crossings;
+  }
+}
+
 // Done rays complete their chunks; the others join the queues of the pages they need. True: a chunk is done.
 Result<bool> StoreTracer::settle(Worker& worker, TraceJob& job) {
   bool chunk_done = false;
   for (const RayState& ray : worker.rays) {
     if (ray.done) {
-      RAYMILL_ASSIGN_OR_RETURN(const bool done, job.window->complete(ray.number, ray.hit));
-      chunk_done = chunk_done || done;
+      const Result<bool> done = job.window->has_lists() ? Result<bool>(job.window->complete(ray.number, 1))
+                                                        : job.window->complete(ray.number, ray.hit);
+      RAYMILL_RETURN_IF_ERROR(done.status());
+      chunk_done = chunk_done || *done;
       ++job.rays_done;
       job.stats.hits += ray.has_hit ? 1 : 0;
+      job.stats.crossings += job.config.query == Query::count ? ray.hit.count : 0;
     }
   }
   job.last_done = TraceJob::Clock::now();

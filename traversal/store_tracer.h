@@ -91,6 +91,7 @@ class StoreTracer {
   friend class RaySpiller;
   struct Worker;
   class WorkLock;
+  class Gathering;
   struct StoreStats {
     std::uint64_t pages_read = 0;
     std::uint64_t stalls = 0;
@@ -122,6 +123,14 @@ class StoreTracer {
   [[nodiscard]] bool takes_fresh(const TraceJob& job) const;
   [[nodiscard]] bool has_fresh() const;
   void run_fresh(Worker& worker, WorkLock& lock);
+  struct FreshAnswers {
+    KernelCounters kernel;
+    std::uint64_t hits = 0;     // rays with at least one
+    std::uint64_t counted = 0;  // crossings, where they are counted
+  };
+  FreshAnswers trace_fresh(Worker& worker, TraceJob& job, const FreshRays::Block& block);
+  static Result<bool> settle_fresh(const Worker& worker, TraceJob& job, const FreshRays::Block& block,
+                                   const FreshAnswers& answers);
   void expand_page(Worker& worker, WorkLock& lock);
   void end_expansion(Result<std::unique_ptr<ExpandedTree>> tree);
   [[nodiscard]] std::uint64_t expansion_bytes(const StoreShare& share) const;
@@ -129,11 +138,13 @@ class StoreTracer {
     KernelCounters kernel;
     bool corrupt = false;
   };
-  BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image);
+  BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image,
+                            CrossingBuffer* crossings);
   void wait_for_work(WorkLock& lock);
   void handle_arrival(Worker& worker, WorkLock& lock);
   void run_batch(Worker& worker, storage::PageId page, WorkLock& lock);
   [[nodiscard]] std::uint32_t batch_size(const TraceJob& job) const;
+  void take_crossings(TraceJob& job, std::span<const Crossing> crossings);
   Result<bool> settle(Worker& worker, TraceJob& job);
   [[nodiscard]] bool more_rays_come() const;
   [[nodiscard]] std::optional<storage::PageId> page_to_read();

@@ -43,7 +43,7 @@ Status StoreTracer::plan_memory(const StoreShare& share) {
 
 std::uint64_t StoreTracer::expansion_bytes(const StoreShare& share) const {
   return StoreExpansion::bytes(*file_, share.threads) + share.threads * kFreshWorkerBytes +
-         share.max_jobs * FreshRays::bytes(share.threads);
+         share.max_jobs * FreshRays::bytes({share.threads, true, true});
 }
 
 // Plans the pages' budget, with what the expanded layout needs set aside where there is to be one.
@@ -130,77 +130,16 @@ void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
   work_wake_.notify_all();
 }
 
-bool StoreTracer::takes_fresh(const TraceJob& job) const {
-  return job.fresh != nullptr && (tree_ != nullptr || config_.layout == Layout::expanded);
-}
-
-bool StoreTracer::has_fresh() const {
-  return tree_ != nullptr &&
-         std::any_of(jobs_.begin(), jobs_.end(), [](const auto& job) { return job->fresh && job->fresh->has_ready(); });
-}
-
-// A block of the next job, in turn, that has one.
-void StoreTracer::run_fresh(Worker& worker, WorkLock& lock) {
-  std::shared_ptr<TraceJob> job;
-  for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
-    const auto& candidate = jobs_[next_job_++ % jobs_.size()];
-    job = candidate->fresh && candidate->fresh->has_ready() ? candidate : nullptr;
-  }
-  FreshRays::Block* block = job->fresh->next();
-  if (job->fresh->has_ready()) {
-    work_wake_.notify_one();
-  }
-  ++job->batches_out;
-  ExpandedContext context{
-      .tree = tree_->view(), .need_normal = has(job->config.fields, Field::normal), .packets = true, .counters = {}};
-  lock.unlock();
-
-  const auto begin = Timeline::Clock::now();
-  worker.hits.assign(block->count, Hit{});
-  job->expanded_kernel(context, std::span(block->rays).first(block->count), worker.hits);
-  worker.entries.resize(block->count * job->window->entry_bytes());
-  std::uint64_t hits = 0;
-  for (std::size_t i = 0; i < block->count; ++i) {
-    job->window->write_entry(block->numbers[i], worker.hits[i], &worker.entries[i * job->window->entry_bytes()]);
-    hits += worker.hits[i].t < std::numeric_limits<float>::infinity() ? 1 : 0;
-  }
-  if (config_.timeline) {
-    config_.timeline->span(worker.index, "fresh rays", begin, "rays", block->count);
-  }
-
-  lock.lock();
-  --job->batches_out;
-  job->stats.nodes_visited += context.counters.nodes_visited;
-  job->stats.triangles_tested += context.counters.triangles_tested;
-  bool chunk_done = false;
-  if (job->status.ok()) {
-    const Result<bool> settled = job->window->complete_all(block->numbers[0], worker.entries);
-    chunk_done = settled && *settled;
-    job->status = settled.status();
-    job->rays_done += block->count;
-    job->stats.rays_expanded += block->count;
-    job->stats.hits += hits;
-    job->last_done = TraceJob::Clock::now();
-  }
-  job->fresh->give_back(block);
-  if (!job->status.ok()) {
-    remove_job(*job);
-  }
-  const bool go_on =
-      (job->push_blocked && job->place_for_many()) || (job->push_needs_room && job->fresh->has_much_room());
-  if (chunk_done || go_on || !job->status.ok()) {
-    job->changed.notify_all();
-  }
-}
-
 // Runs worker.rays.
 StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, storage::PageId page,
-                                                    const std::byte* image) {
+                                                    const std::byte* image, CrossingBuffer* crossings) {
   std::span<RayState> rays = worker.rays;
   KernelContext context;
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
   context.need_normal = has(job.config.fields, Field::normal);
+  context.filter = job.hit_filter();
+  context.crossings = crossings;
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);

@@ -11,6 +11,7 @@
 #include "storage/pages/codec.h"
 #include "traversal/lone_page.h"
 #include "traversal/store_tracer.h"
+#include "traversal/trace_job.h"
 
 namespace raymill::traversal {
 
@@ -70,6 +71,36 @@ struct StoreTracer::Worker {
   std::vector<std::byte> entries;
   std::optional<LonePage> lone_page;
   std::optional<PageTrace::Lane> page_lane;
+};
+
+/// A worker's place for hits of rays that have lists; without the mutex.
+class StoreTracer::Gathering {
+ public:
+  Gathering(StoreTracer& tracer, const Worker& worker, TraceJob& job) : tracer_(tracer), job_(job) {
+    const std::size_t room = job.crossings.size() / tracer.config_.share.threads;
+    buffer_.room = std::span(job.crossings).subspan(worker.index * room, room);
+    buffer_.take = [](void* to, std::span<const Crossing> some) {
+      auto& self = *static_cast<Gathering*>(to);
+      self.tracer_.take_crossings(self.job_, some);
+    };
+    buffer_.owner = this;
+  }
+  Gathering(const Gathering&) = delete;
+  Gathering& operator=(const Gathering&) = delete;
+
+  /// Null where rays have no lists.
+  CrossingBuffer* buffer() { return buffer_.room.empty() ? nullptr : &buffer_; }
+  /// What is left of them joins the lists.
+  void hand_over() {
+    if (buffer() != nullptr) {
+      buffer_.empty();
+    }
+  }
+
+ private:
+  StoreTracer& tracer_;
+  TraceJob& job_;
+  CrossingBuffer buffer_;
 };
 
 }  // namespace raymill::traversal

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "traversal/fresh_rays.h"
 #include "traversal/future_demand.h"
@@ -31,6 +32,8 @@ class TraceJob {
     std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
     std::unique_ptr<FreshRays> fresh;  ///< none: the store keeps its layout
+    storage::BudgetReservation crossings_claim;
+    std::vector<Crossing> crossings;
     std::uint64_t most_in_flight = 0;
     std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
   };
@@ -41,11 +44,19 @@ class TraceJob {
 
   // Set once.
   const TraceConfig config;
+  const HitFilter filter;  ///< of the config
+  [[nodiscard]] const HitFilter* hit_filter() const {
+    return filter.skips || !filter.geometry_masks.empty() ? &filter : nullptr;
+  }
   const Kernel kernel;
   const ExpandedKernel expanded_kernel;
   const std::string kernel_name;
   const std::uint64_t most_in_flight;
   const std::unique_ptr<FutureDemand::Share> future_demand;
+
+  const storage::BudgetReservation crossings_claim;
+  /// Hits that workers have not handed over yet, the same number for each; none where rays have no lists.
+  std::vector<Crossing> crossings;
 
   // Under the tracer's mutex.
   std::unique_ptr<WaitingRays> waiting;

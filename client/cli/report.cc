@@ -41,6 +41,7 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
   return {{"rays", stats.rays},
           {"hits", stats.hits},
           {"invalid", stats.invalid},
+          {"crossings", stats.crossings},
           {"seconds",
            {{"open", times.open_seconds},
             {"input", times.input_seconds},

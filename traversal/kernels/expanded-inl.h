@@ -128,7 +128,7 @@ class ExpandedBatch {
   }
 
   void decide_leaf(RayLane* lane) {
-    if (lane->decide_leaf(context_.need_normal)) {
+    if (lane->decide_leaf(context_)) {
       finish(lane);
     } else {
       now_->add(kAdvanceRay, lane);
@@ -162,29 +162,30 @@ class ExpandedBatch {
   std::array<RayLane, kLanes> lanes_;
 };
 
+// Each ray on its own.
+template <int N, Query kQuery, Mode kMode>
+void trace_alone(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits) {
+  if (!rays.empty()) {
+    ExpandedBatch<N, kQuery, kMode>(context, rays, hits).run();
+  }
+}
+
 template <int N, Query kQuery, Mode kMode>
 void trace_expanded(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits) {
-  // Rays from `alone` on take turns.
-  const auto take_turns = [&](std::size_t alone, std::size_t end) {
-    if (alone < end) {
-      ExpandedBatch<N, kQuery, kMode>(context, rays.subspan(alone, end - alone), hits.subspan(alone, end - alone))
-          .run();
-    }
-  };
   using Packet = ExpandedPacket<N, kQuery, kMode>;
-  std::size_t alone = 0;
+  std::size_t alone = 0;  // rays from here on
   bool tries_packets = context.packets;
   for (std::size_t at = 0; tries_packets && at + Packet::kRays <= rays.size(); at += Packet::kRays) {
     const auto together = rays.subspan(at).template first<Packet::kRays>();
     const PacketBounds bounds(together);
     if (bounds.coherent(context.tree.coherent_width)) {
-      take_turns(alone, at);
+      trace_alone<N, kQuery, kMode>(context, rays.subspan(alone, at - alone), hits.subspan(alone, at - alone));
       // Where one packet shares too little, so will the others of the batch.
       tries_packets = Packet(context, together, hits.subspan(at).template first<Packet::kRays>(), bounds).run();
       alone = tries_packets ? at + Packet::kRays : at;
     }
   }
-  take_turns(alone, rays.size());
+  trace_alone<N, kQuery, kMode>(context, rays.subspan(alone), hits.subspan(alone));
 }
 
 template <int N, Query kQuery>
@@ -199,10 +200,29 @@ ExpandedKernel select_expanded_mode(Mode mode) {
   }
 }
 
+// For crossings, whether they are listed or counted. A packet that gives up would find some again: rays go alone.
+template <int N>
+ExpandedKernel select_crossings_mode(Mode mode) {
+  switch (mode) {
+    case Mode::fast:
+      return &trace_alone<N, Query::all, Mode::fast>;
+    case Mode::exact:
+      return &trace_alone<N, Query::all, Mode::exact>;
+    default:
+      return &trace_alone<N, Query::all, Mode::watertight>;
+  }
+}
+
 template <int N>
 ExpandedKernel select_expanded_query(const KernelChoice& choice) {
-  return choice.query == Query::closest ? select_expanded_mode<N, Query::closest>(choice.mode)
-                                        : select_expanded_mode<N, Query::any>(choice.mode);
+  switch (choice.query) {
+    case Query::closest:
+      return select_expanded_mode<N, Query::closest>(choice.mode);
+    case Query::any:
+      return select_expanded_mode<N, Query::any>(choice.mode);
+    default:
+      return select_crossings_mode<N>(choice.mode);
+  }
 }
 
 inline ExpandedKernel select_expanded_kernel(const KernelChoice& choice) {

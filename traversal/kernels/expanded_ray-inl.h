@@ -78,23 +78,23 @@ struct ExpandedRay {
   }
 
   // True: no other hit is wanted.
-  bool decide_leaf(bool need_normal) {
+  bool decide_leaf(const ExpandedContext& context) {
     for (unsigned mask = candidates; mask != 0; mask &= mask - 1) {
       const int i = std::countr_zero(mask);
       const Corners corners = leaf.triangle(i);
       Candidate hit;
       if constexpr (kMode == Mode::watertight) {
-        if (!woop_decide(frame, corners, hit)) {
+        if (!woop_decide<kQuery>(frame, corners, hit)) {
           continue;
         }
       } else if constexpr (kMode == Mode::exact) {
-        if (!exact_decide(frame, corners, {tnear, tfar, has_hit}, hit)) {
+        if (!exact_decide<kQuery>(frame, corners, {tnear, tfar, kQuery != Query::all && has_hit}, hit)) {
           continue;
         }
       } else {
         hit = {quotients.t[i], quotients.u[i], quotients.v[i]};
       }
-      if (offer(hit, corners, static_cast<std::uint32_t>(i), need_normal)) {
+      if (offer(hit, corners, static_cast<std::uint32_t>(i), context)) {
         return true;
       }
     }
@@ -106,33 +106,46 @@ struct ExpandedRay {
 
   void report_ids() {
     if (hit_leaf.rows != nullptr) {
-      const Ids ids = ids_of(hit_leaf, hit_triangle);
-      answer->geometry_id = ids.geometry;
-      answer->primitive_id = ids.primitive;
+      const PrimitiveIds ids = ids_of(hit_leaf, hit_triangle);
+      answer->geometry_id = ids.geometry_id;
+      answer->primitive_id = ids.primitive_id;
     }
   }
 
  private:
-  struct Ids {
-    std::uint32_t geometry, primitive;
-    bool operator<(const Ids& other) const {
-      return geometry < other.geometry || (geometry == other.geometry && primitive < other.primitive);
-    }
-  };
-  static Ids ids_of(const LeafRows& leaf, std::uint32_t triangle) {
+  static PrimitiveIds ids_of(const LeafRows& leaf, std::uint32_t triangle) {
     const float* ids = leaf.rows + kCornerRows * leaf.count + triangle;
     return {std::bit_cast<std::uint32_t>(ids[leaf.count]), std::bit_cast<std::uint32_t>(ids[0])};
   }
 
-  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, bool need_normal) {
+  [[nodiscard]] std::size_t index_in(const ExpandedContext& context) const {
+    return static_cast<std::size_t>(answer - context.answers);
+  }
+  [[nodiscard]] bool drops(const ExpandedContext& context, const PrimitiveIds& ids) const {
+    const std::size_t index = index_in(context);
+    return context.filter->drops(context.extras.skipped.empty() ? PrimitiveIds() : context.extras.skipped[index],
+                                 context.extras.masks.empty() ? kAllMask : context.extras.masks[index], ids);
+  }
+
+  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, const ExpandedContext& context) {
     float t = 0;
     if (!place_hit<kMode>(frame, corners, hit, tnear, tfar, t)) {
+      return false;
+    }
+    if (context.filter != nullptr && drops(context, ids_of(leaf, triangle))) {
       return false;
     }
     if constexpr (kQuery == Query::any) {
       answer->t = 0;
       has_hit = true;
       return true;
+    } else if constexpr (kQuery == Query::all) {
+      ++answer->count;
+      if (context.crossings != nullptr) {
+        context.crossings->add(crossing_of(context.numbers[index_in(context)], t, hit, ids_of(leaf, triangle),
+                                           context.need_normal ? normal_of(corners) : std::array<float, 3>{}));
+      }
+      return false;
     } else {
       if (t == tfar && has_hit && !wins_tie(corners, triangle)) {
         return false;
@@ -143,7 +156,7 @@ struct ExpandedRay {
       has_hit = true;
       answer->t = t;
       set_barycentrics(*answer, hit);
-      if (need_normal) {
+      if (context.need_normal) {
         answer->normal = normal_of(corners);
       }
       if constexpr (kMode == Mode::exact) {
@@ -161,8 +174,8 @@ struct ExpandedRay {
         return order < 0;
       }
     }
-    const Ids best =
-        hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle) : Ids{answer->geometry_id, answer->primitive_id};
+    const PrimitiveIds best = hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle)
+                                                       : PrimitiveIds{answer->geometry_id, answer->primitive_id};
     return ids_of(leaf, triangle) < best;
   }
 };

@@ -238,7 +238,7 @@ class ExpandedPacket {
         if (ray.candidates == 0) {
           continue;
         }
-        const bool is_done = ray.decide_leaf(context_.need_normal);
+        const bool is_done = ray.decide_leaf(context_);
         // Nothing is before an end at -infinity.
         ends_[i] = is_done ? -std::numeric_limits<float>::infinity() : end_of<kMode>(ray.tfar);
         is_nearer = true;

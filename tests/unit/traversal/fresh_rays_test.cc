@@ -17,7 +17,7 @@ using traversal::FreshRays;
 
 TEST(FreshRaysTest, BlocksGoRoundFirstInFirstOut) {
   storage::Ledger ledger(mebibytes(64));
-  const auto rays = *FreshRays::create(3, ledger);
+  const auto rays = *FreshRays::create({.threads = 3}, ledger);
   std::vector<FreshRays::Block*> blocks;
   while (rays->has_room()) {
     blocks.push_back(rays->take());
@@ -25,7 +25,7 @@ TEST(FreshRaysTest, BlocksGoRoundFirstInFirstOut) {
     blocks.back()->count = static_cast<std::uint32_t>(blocks.size());
     rays->put(blocks.back());
   }
-  EXPECT_LE(blocks.size() * sizeof(FreshRays::Block), FreshRays::bytes(3));
+  EXPECT_LE(blocks.size() * sizeof(FreshRays::Block), FreshRays::bytes({.threads = 3}));
   EXPECT_FALSE(rays->has_much_room());
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     ASSERT_TRUE(rays->has_ready());
@@ -41,7 +41,7 @@ TEST(FreshRaysTest, BlocksGoRoundFirstInFirstOut) {
 
 TEST(FreshRaysTest, ClearDropsWhatWaitsAndFreesItsRoom) {
   storage::Ledger ledger(mebibytes(64));
-  const auto rays = *FreshRays::create(1, ledger);
+  const auto rays = *FreshRays::create({.threads = 1}, ledger);
   while (rays->has_room()) {
     rays->put(rays->take());
   }
@@ -51,10 +51,11 @@ TEST(FreshRaysTest, ClearDropsWhatWaitsAndFreesItsRoom) {
 }
 
 TEST(FreshRaysTest, MemoryIsClaimedOrRefused) {
-  storage::Ledger ledger(FreshRays::bytes(2));
-  const auto rays = FreshRays::create(2, ledger);
+  storage::Ledger ledger(FreshRays::bytes({.threads = 2, .skipped = true, .masks = true}));
+  const auto rays = FreshRays::create({.threads = 2, .skipped = true, .masks = true}, ledger);
   ASSERT_TRUE(rays);
-  EXPECT_EQ(FreshRays::create(2, ledger).status().code(), ErrorCode::budget_exceeded);
+  EXPECT_EQ(FreshRays::create({.threads = 2, .skipped = true, .masks = true}, ledger).status().code(),
+            ErrorCode::budget_exceeded);
 }
 
 class FreshJobTest : public testing::Test {
