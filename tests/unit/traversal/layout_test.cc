@@ -124,7 +124,7 @@ TEST_F(LayoutTest, CoherentRaysGoTogetherAndHitWhatTheyHitAlone) {
 TEST_F(LayoutTest, AutoGoesOverWhereRaysAreManyAndMemoryIsPlenty) {
   const std::string path = store(8);
   Random random(4);
-  rays_ = tests::mixed_rays(random, scene_, 60'000);  // of which most are still to come when the tree is there
+  rays_ = tests::mixed_rays(random, scene_, 200'000);  // more than wait at the root page when the tree comes
   const Traced compact = tests::trace(path, rays_, by_layout("compact"));
   EXPECT_EQ(compact.stats.rays_expanded, 0u);
   for (const unsigned threads : {1u, 3u}) {

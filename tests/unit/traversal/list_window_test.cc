@@ -97,7 +97,7 @@ TEST_F(ListWindowTest, ListsComeInOrderWhateverTheOrderOfTheirHits) {
   }
   for (std::size_t i = numbers.size(); i-- > 0;) {
     EXPECT_FALSE(window_->deliverable()) << "the first ray is still under way";
-    EXPECT_EQ(window_->complete(numbers[i]), i % 10 == 0) << "its chunk is done";
+    EXPECT_EQ(window_->complete(numbers[i], 1), i % 10 == 0) << "its chunk is done";
   }
   while (!window_->drained() && !HasFailure()) {
     fetch();
@@ -113,7 +113,7 @@ TEST_F(ListWindowTest, WorkersFindBlocksWhileAChunkIsSorted) {
   for (std::uint32_t i = 0; i < 20 * kBlocks; ++i) {
     add_hit(sorted, 0);
   }
-  EXPECT_TRUE(window_->complete(sorted));
+  EXPECT_TRUE(window_->complete(sorted, 1));
   while (window_->begin_blocks()) {
     for (int i = 0; i < 60; ++i) {
       add_hit(other, 1);
@@ -121,7 +121,7 @@ TEST_F(ListWindowTest, WorkersFindBlocksWhileAChunkIsSorted) {
     ASSERT_TRUE(window_->sort_blocks().ok());
     window_->end_blocks();
   }
-  EXPECT_TRUE(window_->complete(other));
+  EXPECT_TRUE(window_->complete(other, 1));
   while (!window_->drained() && !HasFailure()) {
     fetch();
   }
