@@ -45,8 +45,14 @@ void PageScheduler::unwant(std::uint32_t page) {
 void PageScheduler::make_ready(std::uint32_t page) {
   if (!is_ready_[page] && demand_[page] > 0) {
     is_ready_[page] = true;
+    ++ready_count_;
     ready_.push_back(page);
   }
+}
+
+void PageScheduler::unready(std::uint32_t page) {
+  ready_count_ -= is_ready_[page] ? 1 : 0;
+  is_ready_[page] = false;
 }
 
 void PageScheduler::add(storage::PageId page, std::uint32_t rays, PageState state) {
@@ -63,7 +69,7 @@ void PageScheduler::remove(storage::PageId page, std::uint32_t rays) {
   const std::uint32_t i = index_of(page);
   demand_[i] -= rays;
   if (demand_[i] == 0) {
-    is_ready_[i] = false;  // it may be evicted before its place in the ready list comes up
+    unready(i);  // it may be evicted before its place in the ready list comes up
     unwant(i);
   } else if (by_age_.list_of(i) != PageList::kNotListed) {
     tell(i, demand_[i]);
@@ -83,7 +89,7 @@ void PageScheduler::arrived(storage::PageId page, bool resident) {
 
 void PageScheduler::dropped(storage::PageId page) {
   const std::uint32_t i = index_of(page);
-  is_ready_[i] = false;
+  unready(i);
   if (demand_[i] > 0) {
     want(i);
   }
@@ -94,7 +100,7 @@ std::optional<storage::PageId> PageScheduler::take_ready() {
     const std::uint32_t page = ready_.front();
     ready_.pop_front();
     if (is_ready_[page]) {
-      is_ready_[page] = false;
+      unready(page);
       return storage::PageId{page};
     }
   }

@@ -43,7 +43,7 @@ class PageScheduler {
   /// The page was evicted although rays wait there.
   void dropped(storage::PageId page);
 
-  [[nodiscard]] bool has_ready() const { return !ready_.empty(); }
+  [[nodiscard]] bool has_ready() const { return ready_count_ > 0; }
   /// A resident page with rays waiting; it leaves the list.
   std::optional<storage::PageId> take_ready();
   /// Puts the page back if rays still wait there.
@@ -66,12 +66,14 @@ class PageScheduler {
   void unwant(std::uint32_t page);
   void tell(std::uint32_t page, std::uint32_t rays);
   void make_ready(std::uint32_t page);
+  void unready(std::uint32_t page);
 
   std::unique_ptr<ReadPolicy> policy_;
   std::vector<std::uint32_t> demand_;
   PageList by_age_;  // of the wanted pages
   std::vector<bool> is_ready_;
-  std::deque<std::uint32_t> ready_;
+  std::deque<std::uint32_t> ready_;  // pages that are not ready any more may stand in it
+  std::uint32_t ready_count_ = 0;    // of those that are
   std::uint32_t wanted_count_ = 0;
   std::uint64_t wanted_rays_ = 0;
   std::vector<std::uint32_t> counted_;             // rays of each page in wanted_rays_

@@ -131,7 +131,8 @@ class Job {
  public:
   virtual ~Job() = default;  ///< a job that is not finished is cancelled
   /// Appends rays. Waits for credit and never grows past the budget: results that are not fetched go to a
-  /// temporary file, so pushing everything before the first next() is fine.
+  /// temporary file, so one thread may push everything before the first next(): as many rays as there are places for
+  /// chunks, thousands of millions in a budget of 1 GiB, but 98 thousand in the least that a store needs.
   /// Errors: cancelled, and whatever ended the job.
   virtual Status push(std::span<const Ray> rays) = 0;
   /// The same for rays that bring what the job was asked for (TraceConfig::skips, masks). Errors: also invalid_argument

@@ -137,8 +137,10 @@ TEST_F(LayoutTest, AutoGoesOverWhereRaysAreManyAndMemoryIsPlenty) {
   }
   const auto few = std::span<const Ray>(rays_).first(kSoupTriangles / 2);
   EXPECT_EQ(tests::trace(path, few, by_layout("auto")).stats.rays_expanded, 0u);
+  // Nobody fetches while they are pushed, so there are no more of them than the least memory has places for.
+  rays_.resize(60'000);
   const Traced least = tests::trace_with_least_memory(path, rays_, by_layout("auto"));
-  expect_same(compact, least);
+  expect_same(tests::trace(path, rays_, by_layout("compact")), least);
   EXPECT_EQ(least.stats.rays_expanded, 0u) << "pages come and go";
 }
 
