@@ -55,7 +55,7 @@ bool known(pb::Query query) { return query >= pb::QUERY_CLOSEST && query <= pb::
 bool known(pb::Mode mode) { return mode >= pb::MODE_WATERTIGHT && mode <= pb::MODE_EXACT; }
 bool known(pb::JobState state) { return state >= pb::JOB_STATE_QUEUED && state <= pb::JOB_STATE_CANCELLED; }
 bool known_fields(std::uint32_t fields) {
-  return fields != 0 && (fields & ~std::uint32_t(Field::all | Field::count)) == 0;
+  return fields == std::uint32_t(Field::count) || (fields != 0 && (fields & ~std::uint32_t(Field::all)) == 0);
 }
 
 Status check(const pb::StartJob& start) {

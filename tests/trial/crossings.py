@@ -31,7 +31,8 @@ class Trial:
             self.problems.append(what)
 
     def trace(self, *words, name="h.npy"):
-        done = support.run(self.raymill, "trace", self.store, self.rays, "-o", self.folder / name, "--json", *words)
+        store = self.store.name if "--server" in words else self.store
+        done = support.run(self.raymill, "trace", store, self.rays, "-o", self.folder / name, "--json", *words)
         return numpy.load(self.folder / name, mmap_mode="r"), json.loads(done.stdout)
 
     def lists(self, *words, name="lists.npy"):
@@ -81,7 +82,8 @@ class Trial:
 
     def refuse(self, words, rc):
         output = self.folder / "refused.npy"
-        done = support.Run([self.raymill, "trace", self.store, self.rays, "-o", output, *words])
+        store = self.store.name if "--server" in words else self.store
+        done = support.Run([self.raymill, "trace", store, self.rays, "-o", output, *words])
         if done.rc != rc or len(done.stderr.strip().splitlines()) != 1 or output.exists():
             self.problems.append(f"{' '.join(map(str, words))}: ended with {done.rc}, not {rc}: {done.stderr.strip()}")
 

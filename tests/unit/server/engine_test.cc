@@ -113,8 +113,8 @@ TEST(ServerEngine, GivesTheBytesOfTheEmbeddedEngine) {
   ASSERT_TRUE(engine.ok()) << engine.status().message();
   auto client = Client::connect({.address = config.bind});
   ASSERT_TRUE(client.ok()) << client.status().message();
-  for (const TraceConfig& request :
-       {TraceConfig{}, TraceConfig{.mode = Mode::fast, .fields = Field::all}, TraceConfig{.query = Query::any}}) {
+  for (const TraceConfig& request : {TraceConfig{}, TraceConfig{.mode = Mode::fast, .fields = Field::all},
+                                     TraceConfig{.query = Query::any}, TraceConfig{.query = Query::count}}) {
     const auto embedded = trace(**engine, build_config.output, request);
     const auto remote = trace(**client, "grid", request);
     EXPECT_EQ(embedded.size(), remote.size());
@@ -123,6 +123,9 @@ TEST(ServerEngine, GivesTheBytesOfTheEmbeddedEngine) {
   }
   const auto store = (*client)->open("grid");
   ASSERT_TRUE(store.ok());
+  for (const TraceConfig& request : {TraceConfig{.query = Query::all}, TraceConfig{.skips = true}}) {
+    EXPECT_EQ((*store)->trace(request).status().code(), ErrorCode::unsupported);
+  }
   const auto info = (*store)->info();
   ASSERT_TRUE(info.ok()) << info.status().message();
   EXPECT_EQ(info->triangles, report->triangles);

@@ -166,6 +166,9 @@ TEST_F(HostileServer, UnknownValuesAreRefused) {
   message.mutable_start_job()->set_fields(1u << 30);
   EXPECT_EQ(error_code(other.ask(message)), ErrorCode::invalid_argument);
   message = start_message();
+  message.mutable_start_job()->set_fields(static_cast<std::uint32_t>(Field::t | Field::count));
+  EXPECT_EQ(error_code(other.ask(message)), ErrorCode::invalid_argument) << "no query answers both";
+  message = start_message();
   message.mutable_start_job()->set_rows_limit(0);
   EXPECT_EQ(error_code(other.ask(message)), ErrorCode::invalid_argument);
   for (const char* name : {"", "/etc/passwd", "../town", "a//b", ".", "x\ny"}) {

@@ -96,12 +96,14 @@ TEST(Wire, StatusesOfAPeerKeepTheirCodes) {
 TEST(Wire, StatsAndDescriptionsSurvive) {
   JobStats stats;
   stats.rays = 1;
+  stats.crossings = 9;
   stats.distinct_pages = 6;
   stats.trace_seconds = 1.5;
   stats.io = "pread";
   stats.io_note = "buffered";
   const JobStats back = from_wire(to_wire(stats));
   EXPECT_EQ(back.rays, 1u);
+  EXPECT_EQ(back.crossings, 9u);
   EXPECT_EQ(back.distinct_pages, 6u);
   EXPECT_EQ(back.trace_seconds, 1.5);
   EXPECT_EQ(back.io, "pread");
