@@ -28,6 +28,8 @@ class RayFileReader {
   [[nodiscard]] std::uint64_t count() const { return count_; }
   /// Leaves out the next `rays`, at most all that are left.
   void skip(std::uint64_t rays) { next_ = rays < count_ - next_ ? next_ + rays : count_; }
+  /// The next ray is the first one again.
+  void rewind() { next_ = 0; }
   /// What tells this file from another one of the same name: size and time of the last change.
   [[nodiscard]] std::string identity() const;
   /// The next rays, at most rays.size(); returns how many, 0 at the end. Errors: io, bad_rays (the file shrank).
