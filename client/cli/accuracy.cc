@@ -47,7 +47,7 @@ struct AccuracyOptions {
   bool json = false;
 };
 
-constexpr std::uint64_t kMostRays = std::uint64_t{1} << 40;
+constexpr std::uint64_t kMostMadeRays = std::uint64_t{1} << 40;
 // The oracle first: the others are compared with it. Printed in the order of the enumeration's words in `--help`.
 constexpr std::array<Mode, 3> kModes = {Mode::exact, Mode::watertight, Mode::fast};
 constexpr std::size_t kReadRays = 4096;
@@ -316,7 +316,7 @@ Status write_plot(std::span<const Setting> settings, Picture& picture) {
 }
 
 Status check(const AccuracyOptions& options) {
-  if (options.rays.empty() && (options.order.count == 0 || options.order.count > kMostRays)) {
+  if (options.rays.empty() && (options.order.count == 0 || options.order.count > kMostMadeRays)) {
     return {ErrorCode::invalid_argument, "--count goes from 1 to 2^40"};
   }
   return {};

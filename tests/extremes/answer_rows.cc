@@ -1,6 +1,8 @@
 // Ties, directions, invalid rays, what is dropped, deep trees, barycentrics.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numeric>
 
@@ -195,7 +197,7 @@ Row deep_tree() {
           .setup = "10000 triangles, each inside the next: the tree of such a scene is a chain",
           .promise = "built within the bitstack, every answer right",
           .scene = {tests::nested_shells(10000)},
-          .rays = [](auto) { return rays_from_inside(28, {}, 1, 40); },
+          .rays = [](auto) { return rays_from_inside(28, {}, 1, 16); },
           .tell = tell_as_truth,
           .keeps =
               [](Mode mode, const Answers& answers) {

@@ -1,6 +1,7 @@
 // Single triangles, planes and boxes.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "tests/extremes/row.h"

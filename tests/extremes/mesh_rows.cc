@@ -1,6 +1,9 @@
 // Closed and curved meshes: nothing may pass, near or far.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <iterator>
 #include <limits>
 
 #include "tests/extremes/row.h"

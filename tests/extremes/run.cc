@@ -17,11 +17,11 @@ namespace {
 constexpr std::array<Mode, 3> kModes = {Mode::fast, Mode::watertight, Mode::exact};
 constexpr std::uint64_t kTruthTests = 400'000;  // of a ray and a triangle, for each row
 constexpr std::size_t kSlowRays = 100;          // that are suspended at every node
-constexpr std::uint64_t kManyPages = 20;        // more than the least memory holds
+constexpr std::size_t kManyPages = 60;          // twice what the least memory holds
 
-std::vector<Triangle> decoded_triangles(const std::string& store) {
+std::vector<Triangle> decoded_triangles(const tests::LoadedPages& pages) {
   std::vector<Triangle> triangles;
-  for (const storage::PageBuffer& image : tests::load_pages(store).images) {
+  for (const storage::PageBuffer& image : pages.images) {
     const storage::PageView view(image.data());
     for (std::uint32_t i = 0; i < view.header().triangle_count; ++i) {
       Triangle& triangle = triangles.emplace_back();
@@ -78,8 +78,8 @@ class Run {
       problem("is not built: " + report.status().message());
       return;
     }
-    pages_ = report->pages;
-    triangles_ = decoded_triangles(config_.output);
+    pages_ = tests::load_pages(config_.output);
+    triangles_ = decoded_triangles(pages_);
     rays_ = row.rays(triangles_);
     ours();
     embree();
@@ -139,9 +139,13 @@ class Run {
       traced = tests::trace(config_.output, rays_, least);
     }
     same(hits, traced, mode, "the least memory");
-    if (pages_ >= kManyPages && traced.stats.pages_read <= traced.stats.distinct_pages) {
-      problem("has " + std::to_string(pages_) + " pages, and the least memory holds them all");
+    if (pages_.images.size() >= kManyPages && traced.stats.pages_read <= traced.stats.distinct_pages) {
+      problem("has " + std::to_string(pages_.images.size()) + " pages, and the least memory holds them all");
     }
+    const tests::KernelRun one_page{.mode = mode, .residency = tests::Residency::one_page, .batch_rays = 256};
+    tests::Traced alone;
+    alone.hits = tests::run_kernel(pages_, rays_, one_page).hits;
+    same(hits, alone, mode, "one page there at a time");
     tests::TraceSetup slow;
     slow.engine.adversarial = true;
     slow.trace.mode = mode;
@@ -206,7 +210,7 @@ class Run {
   const Row& row_;
   const tests::TempFolder folder_;
   BuildConfig config_;
-  std::uint64_t pages_ = 0;
+  tests::LoadedPages pages_;
   std::vector<Triangle> triangles_;
   std::vector<Ray> rays_;
   std::vector<Hit> truth_;

@@ -17,8 +17,9 @@ struct Told {
   std::vector<std::string> problems;  ///< what is not as promised, or not the same bits in every way
 };
 
-/// The row's store in core on every ISA of this machine, with the least memory, with two threads, and suspended at
-/// every node; then Embree on the same triangles, and float64 for as many rays as are soon done.
+/// The row's store in core on every ISA of this machine, with two threads and the least memory, with one page there at
+/// a time, and suspended at every node; then Embree on the same triangles, and float64 for as many rays as are soon
+/// done.
 Told run(const Row& row);
 
 }  // namespace raymill::extremes

@@ -1,4 +1,5 @@
 // What `raymill accuracy` counts, chooses and draws.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
