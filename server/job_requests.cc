@@ -39,9 +39,7 @@ void Dispatcher::start_job(const Request& request, const pb::StartJob& start) {
                .detached = start.detached(),
                .chunk_rays = config_.chunk_rays,
                .rows_limit = std::min(start.rows_limit(), kRowsWindow)};
-  if (spec.trace.query == Query::any) {
-    spec.trace.fields = Field::t;
-  }
+  spec.trace.fields = answered_fields(spec.trace.query, spec.trace.fields);
   auto job = jobs_.add(std::move(spec), request.id);
   if (!job.ok()) {
     reply_error(request.id, request.sequence, job.status());

@@ -51,10 +51,12 @@ Status check_name(const std::string& name) {
   return {};
 }
 
-bool known(pb::Query query) { return query == pb::QUERY_CLOSEST || query == pb::QUERY_ANY; }
+bool known(pb::Query query) { return query >= pb::QUERY_CLOSEST && query <= pb::QUERY_COUNT; }
 bool known(pb::Mode mode) { return mode >= pb::MODE_WATERTIGHT && mode <= pb::MODE_EXACT; }
 bool known(pb::JobState state) { return state >= pb::JOB_STATE_QUEUED && state <= pb::JOB_STATE_CANCELLED; }
-bool known_fields(std::uint32_t fields) { return fields != 0 && (fields & ~std::uint32_t(Field::all)) == 0; }
+bool known_fields(std::uint32_t fields) {
+  return fields != 0 && (fields & ~std::uint32_t(Field::all | Field::count)) == 0;
+}
 
 Status check(const pb::StartJob& start) {
   RAYMILL_RETURN_IF_ERROR(check_name(start.store()));

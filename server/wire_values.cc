@@ -6,11 +6,25 @@
 
 namespace raymill::server {
 
-pb::Query to_wire(Query query) { return query == Query::any ? pb::QUERY_ANY : pb::QUERY_CLOSEST; }
+pb::Query to_wire(Query query) {
+  switch (query) {
+    case Query::closest:
+      return pb::QUERY_CLOSEST;
+    case Query::any:
+      return pb::QUERY_ANY;
+    case Query::count:
+      return pb::QUERY_COUNT;
+    case Query::all:
+      break;  // no server answers it: JobLink::start
+  }
+  return pb::QUERY_UNSPECIFIED;
+}
 pb::Mode to_wire(Mode mode) {
   return mode == Mode::fast ? pb::MODE_FAST : mode == Mode::exact ? pb::MODE_EXACT : pb::MODE_WATERTIGHT;
 }
-Query from_wire(pb::Query query) { return query == pb::QUERY_ANY ? Query::any : Query::closest; }
+Query from_wire(pb::Query query) {
+  return query == pb::QUERY_ANY ? Query::any : query == pb::QUERY_COUNT ? Query::count : Query::closest;
+}
 Mode from_wire(pb::Mode mode) {
   return mode == pb::MODE_FAST ? Mode::fast : mode == pb::MODE_EXACT ? Mode::exact : Mode::watertight;
 }
@@ -24,6 +38,7 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_rays(stats.rays);
   wire.set_hits(stats.hits);
   wire.set_invalid(stats.invalid);
+  wire.set_crossings(stats.crossings);
   wire.set_pages_read(stats.pages_read);
   wire.set_bytes_read(stats.bytes_read);
   wire.set_distinct_pages(stats.distinct_pages);
@@ -42,6 +57,8 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_evictions(stats.evictions);
   wire.set_decode_seconds(stats.decode_seconds);
   wire.set_idle_seconds(stats.idle_seconds);
+  wire.set_lock_wait_seconds(stats.lock_wait_seconds);
+  wire.set_lock_hold_seconds(stats.lock_hold_seconds);
   wire.set_most_in_flight(stats.most_in_flight);
   wire.set_policy(utf8_or_question_marks(stats.policy));
   wire.set_eviction(utf8_or_question_marks(stats.eviction));
@@ -61,6 +78,7 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.rays = wire.rays();
   stats.hits = wire.hits();
   stats.invalid = wire.invalid();
+  stats.crossings = wire.crossings();
   stats.pages_read = wire.pages_read();
   stats.bytes_read = wire.bytes_read();
   stats.distinct_pages = wire.distinct_pages();
@@ -79,6 +97,8 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.evictions = wire.evictions();
   stats.decode_seconds = wire.decode_seconds();
   stats.idle_seconds = wire.idle_seconds();
+  stats.lock_wait_seconds = wire.lock_wait_seconds();
+  stats.lock_hold_seconds = wire.lock_hold_seconds();
   stats.most_in_flight = wire.most_in_flight();
   stats.policy = wire.policy();
   stats.eviction = wire.eviction();

@@ -41,6 +41,8 @@ constexpr std::size_t kLeastBlockBytes = 1 << 10;
 constexpr std::size_t kMostBlockBytes = 16 << 10;
 constexpr std::uint64_t kSlotBytes = 64;
 constexpr std::uint64_t kRowSpan = 8;
+constexpr unsigned kMostListShift = 12;     // rays of a chunk with lists: its hits are sorted together
+constexpr std::uint64_t kListBlocks = 256;  // at least, where they may be so small
 
 constexpr std::size_t kLeastExtentBytes = 32 << 10;
 constexpr std::size_t kMostExtentBytes = 512 << 10;
@@ -55,6 +57,8 @@ std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, un
          (std::min(plan.read_depth, storage::kMostReaderThreads) + 1) * kThreadBytes +
          WaitingRays::transfer_bytes(plan.extent_bytes) + max_jobs * kPushBytes + threads * worker;
 }
+
+static_assert(kLeastRowBytes / 16 / sizeof(Crossing) >= kMostThreads, "each worker gathers a hit at least");
 
 // What does not depend on frames and jobs.
 std::uint64_t fixed_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs,
@@ -91,11 +95,42 @@ ResultWindow::Config plan_rows(std::uint64_t bytes, const HitLayout& row, std::u
   return window;
 }
 
-JobPlan plan_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count, const HitLayout& row) {
+// The same for lists of hits: a quarter for pieces that are fetched, a quarter for blocks, an eighth to sort in, an
+// eighth for the table of chunks, a sixteenth for hits that workers gather, the rest for tables.
+ResultWindow::Config plan_lists(std::uint64_t bytes, const RowsAsked& asked, std::uint64_t& rays) {
+  ResultWindow::Config window;
+  window.layout = HitLayout(HitLists::kept(asked.fields));
+  HitLists::Config& lists = window.lists;
+  lists.asked = asked.fields;
+  lists.first = asked.first;
+  lists.pieces = ResultWindow::kMostHeld;
+  lists.piece_bytes = bytes / 4 / lists.pieces;
+  lists.sort_bytes = bytes / 8 / 64 * 64;
+  // The offsets of a chunk's rays take a quarter of a piece at most.
+  const std::uint64_t piece_rays = lists.piece_bytes / 4 / sizeof(std::uint32_t);
+  window.chunk_shift =
+      std::clamp(static_cast<unsigned>(std::bit_width(piece_rays)) - 1, kLeastChunkShift, kMostListShift);
+  lists.chunk_rays = 1U << window.chunk_shift;
+  window.slots = static_cast<std::uint32_t>(bytes / 8 / kSlotBytes);
+  const std::uint64_t block_bytes = bytes / 4;
+  window.block_bytes =
+      std::clamp(std::size_t(std::bit_floor(block_bytes / kListBlocks)), kLeastBlockBytes, kMostBlockBytes);
+  lists.block_bytes = window.block_bytes;
+  window.blocks = static_cast<std::uint32_t>(block_bytes / window.block_bytes);
+  rays = std::min(rays, std::uint64_t(window.blocks) << window.chunk_shift);
+  return window;
+}
+
+JobPlan plan_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count, const RowsAsked& asked) {
   JobPlan job;
   job.most_in_flight = std::min(chunks * kRaysPerChunk, kMostRays);
-  job.window =
-      plan_rows(std::clamp(chunks * kRayChunkBytes / 4, kLeastRowBytes, kMostRowBytes), row, job.most_in_flight);
+  const std::uint64_t row_bytes = std::clamp(chunks * kRayChunkBytes / 4, kLeastRowBytes, kMostRowBytes);
+  if (asked.lists) {
+    job.window = plan_lists(row_bytes, asked, job.most_in_flight);
+    job.crossings = static_cast<std::uint32_t>(row_bytes / 16 / sizeof(Crossing));
+  } else {
+    job.window = plan_rows(row_bytes, HitLayout(asked.fields), job.most_in_flight);
+  }
   WaitingRays::Config& waiting = job.waiting;
   waiting.page_count = page_count;
   waiting.group_pages = plan.group_pages;
@@ -109,14 +144,14 @@ JobPlan plan_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t pag
 
 // A plan with one job that has so many chunks.
 std::uint64_t job_bytes_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count) {
-  return job_bytes(plan_for(chunks, plan, page_count, HitLayout(Field::all)));
+  return job_bytes(plan_for(chunks, plan, page_count, {.fields = Field::all}));
 }
 
 }  // namespace
 
 std::uint64_t job_bytes(const JobPlan& plan) {
   return WaitingRays::table_bytes(plan.waiting) + std::uint64_t(plan.waiting.pool_chunks) * kRayChunkBytes +
-         ResultWindow::bytes(plan.window);
+         ResultWindow::bytes(plan.window) + plan.crossings * sizeof(Crossing);
 }
 
 std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs) {
@@ -169,14 +204,14 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
   return plan;
 }
 
-JobPlan plan_job(const BudgetPlan& plan, std::uint32_t page_count, const HitLayout& row) {
+JobPlan plan_job(const BudgetPlan& plan, std::uint32_t page_count, const RowsAsked& rows) {
   std::uint64_t low = kLeastChunks, high = kMostChunks;
   while (low < high) {
     const std::uint64_t middle = (low + high + 1) / 2;
-    const bool fits = job_bytes(plan_for(middle, plan, page_count, row)) <= plan.job_bytes;
+    const bool fits = job_bytes(plan_for(middle, plan, page_count, rows)) <= plan.job_bytes;
     (fits ? low : high) = fits ? middle : middle - 1;
   }
-  return plan_for(low, plan, page_count, row);
+  return plan_for(low, plan, page_count, rows);
 }
 
 }  // namespace raymill::traversal

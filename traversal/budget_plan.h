@@ -35,7 +35,15 @@ struct BudgetPlan {
 struct JobPlan {
   std::uint64_t most_in_flight = 0;
   WaitingRays::Config waiting;  ///< the layout and the directory are the job's to set
-  ResultWindow::Config window;  ///< the layout and the directory are the job's to set
+  ResultWindow::Config window;  ///< the directory is the job's to set
+  std::uint32_t crossings = 0;  ///< hits that workers gather before they hand them over; for lists of hits
+};
+
+/// What a job answers.
+struct RowsAsked {
+  Field fields = kDefaultClosestFields;
+  bool lists = false;       ///< of hits, for each ray; else a row a ray
+  std::uint64_t first = 0;  ///< of a list so many hits; 0: all
 };
 
 /// The least share under which the store can be traced.
@@ -44,7 +52,7 @@ std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned thread
 /// Errors: budget_exceeded, naming the least share.
 Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare& share);
 /// The most rays and rows that the plan's job_bytes hold.
-JobPlan plan_job(const BudgetPlan& plan, std::uint32_t page_count, const HitLayout& row);
+JobPlan plan_job(const BudgetPlan& plan, std::uint32_t page_count, const RowsAsked& rows);
 /// What such a job claims.
 std::uint64_t job_bytes(const JobPlan& plan);
 

@@ -11,11 +11,18 @@ namespace {
 
 // Rays that are made into records between two locks.
 constexpr std::size_t kPieceRays = 1024;
-static_assert(kPieceRays / RayPool::records_per_chunk(60) + 1 <= RaySpiller::kPushChunks, "no hit yet: 56 B at most");
+static_assert(kPieceRays / RayPool::records_per_chunk(68) + 1 <= RaySpiller::kPushChunks, "no hit yet: 68 B at most");
+
+Hit unanswered(Query query) {
+  Hit hit;
+  hit.t = std::numeric_limits<float>::quiet_NaN();
+  hit.count = query == Query::count ? kNoCount : 0;
+  return hit;
+}
 
 }  // namespace
 
-// Gives the slot back when the caller lets go of the chunk; keeps the job's memory until then.
+// Gives the slot, or the piece, back when the caller lets go of the chunk; keeps the job's memory until then.
 class EngineJob::ChunkOwner final : public HitChunk::Owner {
  public:
   ChunkOwner(std::shared_ptr<StoreTracer> tracer, std::shared_ptr<TraceJob> job, std::uint32_t slot)
@@ -23,7 +30,8 @@ class EngineJob::ChunkOwner final : public HitChunk::Owner {
   ~ChunkOwner() override {
     {
       const std::lock_guard lock(tracer_->mutex_);
-      job_->window->free_slot(slot_);
+      ResultWindow& window = *job_->window;
+      window.has_lists() ? window.free_piece(slot_) : window.free_slot(slot_);
     }
     job_->changed.notify_all();
   }
@@ -61,26 +69,61 @@ void EngineJob::cancel() {
   }
 }
 
-Status EngineJob::push(std::span<const Ray> rays) {
+// Some rays of a push, which go on together.
+struct EngineJob::Slice {
+  const Numbered& some;
+  std::span<const std::uint32_t> order;  // of all of `some`; empty: as they come
+  std::size_t first = 0, count = 0;
+
+  // Calls valid(number, index) for those of `some` that can be traced and invalid(number) for the others.
+  template <typename Valid, typename Invalid>
+  void each(Valid&& valid, Invalid&& invalid) const {
+    for (std::size_t i = first; i < first + count; ++i) {
+      const auto index = order.empty() ? static_cast<std::uint32_t>(i) : order[i];
+      const std::uint32_t number = some.first_number + index;
+      if (TraceJob::valid(some.rays[index])) {
+        valid(number, index);
+      } else {
+        invalid(number);
+      }
+    }
+  }
+};
+
+Status EngineJob::push(std::span<const Ray> rays) { return push_all(rays, {}); }
+
+Status EngineJob::push_with(std::span<const Ray> rays, const RayExtras& extras) {
+  const auto check = [&](std::size_t count, bool asked, const char* what) -> Status {
+    if (count > 0 && !asked) {
+      return {ErrorCode::invalid_argument,
+              std::string("the job was not asked for rays with ") + what + " (TraceConfig)"};
+    }
+    if (count > 0 && count != rays.size()) {
+      return {ErrorCode::invalid_argument, std::to_string(rays.size()) + " rays with " + std::to_string(count) + " " +
+                                               what + "; each ray takes one"};
+    }
+    return {};
+  };
+  RAYMILL_RETURN_IF_ERROR(check(extras.skipped.size(), job_->config.skips, "primitives to skip"));
+  RAYMILL_RETURN_IF_ERROR(check(extras.masks.size(), job_->config.masks, "masks"));
+  return push_all(rays, extras);
+}
+
+Status EngineJob::push_all(std::span<const Ray> rays, const RayExtras& extras) {
   const IeeeScope ieee;
-  while (!rays.empty()) {
-    RAYMILL_ASSIGN_OR_RETURN(const Numbered some, take_in(rays));
+  for (std::size_t at = 0; at < rays.size();) {
+    RAYMILL_ASSIGN_OR_RETURN(Numbered some, take_in(rays.subspan(at)));
+    some.extras.skipped = extras.skipped.subspan(extras.skipped.empty() ? 0 : at);
+    some.extras.masks = extras.masks.subspan(extras.masks.empty() ? 0 : at);
     const bool sorted = tracer_->sorts(some.rays);
     const auto order = sorted ? order_.sort(some.rays) : std::span<const std::uint32_t>();
     for (std::size_t first = 0; first < some.rays.size(); first += kPieceRays) {
-      RAYMILL_RETURN_IF_ERROR(push_piece(some, order, first, std::min(kPieceRays, some.rays.size() - first)));
+      RAYMILL_RETURN_IF_ERROR(push_slice({some, order, first, std::min(kPieceRays, some.rays.size() - first)}));
     }
-    rays = rays.subspan(some.rays.size());
+    at += some.rays.size();
   }
   return {};
 }
-
-// What becomes of some rays of a push.
-struct EngineJob::Piece {
-  std::uint32_t rays = 0;
-  std::uint32_t valid = 0;             // with a record each, one after the other
-  std::vector<std::uint32_t> invalid;  // numbers
-};
 
 // Waits until a ray more may be in flight and has a number, and gives as many as may be their numbers. Once there are
 // as many as may be, it waits until there is place for many: rays are taken in by the many, as pages are read for many.
@@ -105,7 +148,7 @@ Result<EngineJob::Numbered> EngineJob::take_in(std::span<const Ray> rays) {
       if (job_->rays_pushed == 0) {
         job_->first_push = TraceJob::Clock::now();
       }
-      const Numbered taken{rays.first(count), window.next_number()};
+      const Numbered taken{rays.first(count), {}, window.next_number()};
       window.add(static_cast<std::uint32_t>(count));
       return taken;
     }
@@ -115,10 +158,14 @@ Result<EngineJob::Numbered> EngineJob::take_in(std::span<const Ray> rays) {
   return job_->status;
 }
 
+bool EngineJob::has_room() const {
+  return tracer_->takes_fresh(*job_) ? job_->fresh->has_room() : tracer_->has_room(*job_);
+}
+
 // Waits until rays find room where they wait.
 Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   while (job_->status.ok()) {
-    job_->push_needs_room = !tracer_->has_room(*job_);
+    job_->push_needs_room = !has_room();
     if (!job_->push_needs_room) {
       return {};
     }
@@ -129,85 +176,121 @@ Status EngineJob::make_room(std::unique_lock<std::mutex>& lock) {
   return job_->status;
 }
 
-// Makes records of `count` of the rays from the first on, in `order` where there is one; without the lock.
-EngineJob::Piece EngineJob::pack(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first,
-                                 std::size_t count) {
-  const storage::StoreFooter& footer = tracer_->file().footer();
-  const RecordLayout& layout = job_->waiting->pool().layout();
-  Piece piece;
-  piece.rays = static_cast<std::uint32_t>(count);
-  records_.resize(count * layout.most_bytes());
-  std::size_t at = 0;
-  for (std::size_t i = first; i < first + count; ++i) {
-    const auto index = order.empty() ? static_cast<std::uint32_t>(i) : order[i];
-    const Ray& ray = some.rays[index];
-    const std::uint32_t number = some.first_number + index;
-    if (!TraceJob::valid(ray)) {
-      piece.invalid.push_back(number);
-      continue;
-    }
-    RayState state;
-    state.org = ray.org;
-    state.dir = ray.dir;
-    state.tnear = ray.tnear;
-    // A hit has a finite t; beyond float32 lies a miss.
-    state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
-    state.number = number;
-    state.node = static_cast<std::uint16_t>(footer.root_node);
-    at += layout.pack(state, records_.data() + at);
-    ++piece.valid;
-  }
-  return piece;
-}
-
-// Puts the records into the root page's queue and answers the invalid rays.
-Status EngineJob::enqueue(const Piece& piece) {
-  job_->last_push = TraceJob::Clock::now();
-  job_->rays_pushed += piece.rays;
-  job_->stats.peak_in_flight = std::max(job_->stats.peak_in_flight, job_->in_flight());
-  Hit unanswered;
-  unanswered.t = std::numeric_limits<float>::quiet_NaN();
-  for (const std::uint32_t number : piece.invalid) {
-    RAYMILL_RETURN_IF_ERROR(job_->window->complete(number, unanswered).status());
-  }
-  job_->rays_done += piece.invalid.size();
-  job_->stats.invalid += piece.invalid.size();
-  const storage::PageId root = tracer_->root_page();
-  const RecordLayout& layout = job_->waiting->pool().layout();
-  for (std::size_t i = 0, at = 0; i < piece.valid; ++i) {
-    const std::size_t bytes = layout.bytes(records_.data() + at);
-    std::memcpy(job_->waiting->append(root, bytes), records_.data() + at, bytes);
-    at += bytes;
-  }
-  if (piece.valid > 0) {
-    tracer_->scheduler_.add(root, piece.valid, tracer_->state_of(root));
-    tracer_->pump_reads();
-  }
-  return {};
-}
-
-Status EngineJob::push_piece(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first,
-                             std::size_t count) {
+Status EngineJob::push_slice(const Slice& slice) {
+  invalid_.clear();
   std::unique_lock lock(tracer_->mutex_);
   RAYMILL_RETURN_IF_ERROR(make_room(lock));
-  job_->waiting->promise(RaySpiller::kPushChunks);
-  lock.unlock();
-
-  const Piece piece = pack(some, order, first, count);
-
-  lock.lock();
-  job_->waiting->settle(RaySpiller::kPushChunks);
-  if (!job_->status.ok()) {
-    return job_->status;
-  }
-  if (Status status = enqueue(piece); !status.ok()) {
-    job_->status = status;
+  const Status status = tracer_->takes_fresh(*job_) ? push_fresh(slice, lock) : push_records(slice, lock);
+  if (!status.ok()) {
     end(lock, status);
     return status;
   }
   lock.unlock();
   tracer_->work_wake_.notify_one();
   return {};
+}
+
+// Rays for the expanded layout, as they are.
+Status EngineJob::push_fresh(const Slice& slice, std::unique_lock<std::mutex>& lock) {
+  static_assert(kPieceRays <= FreshRays::kBlockRays);
+  FreshRays::Block* block = job_->fresh->take();
+  lock.unlock();
+  slice.each(
+      [&](std::uint32_t number, std::uint32_t index) {
+        block->numbers[block->count] = number;
+        block->rays[block->count] = slice.some.rays[index];
+        if (block->skipped != nullptr) {
+          block->skipped[block->count] = slice.some.skipped(index);
+        }
+        if (block->masks != nullptr) {
+          block->masks[block->count] = slice.some.mask(index);
+        }
+        ++block->count;
+      },
+      [this](std::uint32_t number) { invalid_.push_back(number); });
+  lock.lock();
+  Status status = account(slice.count);
+  if (status.ok() && block->count > 0) {
+    job_->fresh->put(block);
+  } else {
+    job_->fresh->give_back(block);
+  }
+  return status;
+}
+
+// Rays that go through pages, as records in the root page's queue.
+Status EngineJob::push_records(const Slice& slice, std::unique_lock<std::mutex>& lock) {
+  job_->waiting->promise(RaySpiller::kPushChunks);
+  lock.unlock();
+  const std::uint32_t valid = pack(slice);
+  lock.lock();
+  job_->waiting->settle(RaySpiller::kPushChunks);
+  RAYMILL_RETURN_IF_ERROR(account(slice.count));
+  if (valid > 0) {
+    enqueue(valid);
+  }
+  return {};
+}
+
+// Makes records of the rays; without the lock. Returns how many.
+std::uint32_t EngineJob::pack(const Slice& slice) {
+  const storage::StoreFooter& footer = tracer_->file().footer();
+  const RecordLayout& layout = job_->waiting->pool().layout();
+  records_.resize(slice.count * layout.most_bytes());
+  std::size_t at = 0;
+  std::uint32_t valid = 0;
+  slice.each(
+      [&](std::uint32_t number, std::uint32_t index) {
+        const Ray& ray = slice.some.rays[index];
+        RayState state;
+        state.org = ray.org;
+        state.dir = ray.dir;
+        state.tnear = ray.tnear;
+        // A hit has a finite t; beyond float32 lies a miss.
+        state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
+        state.number = number;
+        state.skipped = slice.some.skipped(index);
+        state.mask = slice.some.mask(index);
+        state.node = static_cast<std::uint16_t>(footer.root_node);
+        at += layout.pack(state, records_.data() + at);
+        ++valid;
+      },
+      [this](std::uint32_t number) { invalid_.push_back(number); });
+  return valid;
+}
+
+// Counts rays that were pushed and answers the invalid ones among them.
+Status EngineJob::account(std::size_t rays) {
+  RAYMILL_RETURN_IF_ERROR(job_->status);
+  job_->last_push = TraceJob::Clock::now();
+  job_->rays_pushed += rays;
+  job_->stats.peak_in_flight = std::max(job_->stats.peak_in_flight, job_->in_flight());
+  for (const std::uint32_t number : invalid_) {
+    if (job_->window->has_lists()) {
+      job_->window->complete(number, 1);
+      continue;
+    }
+    if (const auto done = job_->window->complete(number, unanswered(job_->config.query)); !done) {
+      job_->status = done.status();
+      return job_->status;
+    }
+  }
+  job_->rays_done += invalid_.size();
+  job_->stats.invalid += invalid_.size();
+  return {};
+}
+
+// Puts so many records into the root page's queue.
+void EngineJob::enqueue(std::uint32_t count) {
+  const storage::PageId root = tracer_->root_page();
+  const RecordLayout& layout = job_->waiting->pool().layout();
+  for (std::size_t i = 0, at = 0; i < count; ++i) {
+    const std::size_t bytes = layout.bytes(records_.data() + at);
+    std::memcpy(job_->waiting->append(root, bytes), records_.data() + at, bytes);
+    at += bytes;
+  }
+  tracer_->scheduler_.add(root, count, tracer_->state_of(root));
+  tracer_->pump_reads();
 }
 
 Status EngineJob::finish() {
@@ -228,6 +311,9 @@ std::optional<HitChunk> EngineJob::next() {
   if (!job_->status.ok() || !window.deliverable()) {
     return std::nullopt;
   }
+  if (window.has_lists()) {
+    return next_piece(lock);
+  }
   ResultWindow::Delivery delivery = window.begin_delivery();
   lock.unlock();
   const Status status = window.collect(delivery);
@@ -235,13 +321,48 @@ std::optional<HitChunk> EngineJob::next() {
   window.end_delivery(delivery);
   if (!status.ok()) {
     window.free_slot(delivery.slot);
-    job_->status = job_->status.ok() ? status : job_->status;
-    end(lock, status);
+    fail(lock, status);
     return std::nullopt;
   }
   lock.unlock();
   return HitChunk(delivery.index, delivery.first_ray, HitLayout(job_->config.fields), delivery.rows,
                   std::make_unique<ChunkOwner>(tracer_, job_, delivery.slot));
+}
+
+void EngineJob::fail(std::unique_lock<std::mutex>& lock, const Status& status) {
+  job_->status = job_->status.ok() ? status : job_->status;
+  end(lock, status);
+}
+
+// The next rows of lists of hits. What a chunk has in memory is sorted, or gone to disk, before its first piece comes:
+// how long a caller takes with a piece is no worker's business.
+std::optional<HitChunk> EngineJob::next_piece(std::unique_lock<std::mutex>& lock) {
+  ResultWindow& window = *job_->window;
+  Status status;
+  while (status.ok() && window.begin_blocks()) {
+    lock.unlock();
+    status = window.sort_blocks();
+    lock.lock();
+    window.end_blocks();
+  }
+  HitLists::Piece piece = window.begin_piece();
+  if (status.ok()) {
+    lock.unlock();
+    status = window.fill_piece(piece);
+    lock.lock();
+  }
+  if (!status.ok()) {
+    window.free_piece(piece.number);
+    fail(lock, status);
+    return std::nullopt;
+  }
+  const auto [index, first_ray] = window.end_piece(piece);
+  lock.unlock();
+  job_->changed.notify_all();  // push() may begin a chunk
+  HitChunk chunk(index, first_ray, HitLayout(job_->config.fields), piece.rows,
+                 std::make_unique<ChunkOwner>(tracer_, job_, piece.number));
+  chunk.set_offsets(piece.offsets, piece.goes_on);
+  return chunk;
 }
 
 Status EngineJob::status() const {
@@ -270,6 +391,8 @@ JobStats EngineJob::stats() const {
   stats.expand_seconds = tracer_->stats_.expand_seconds;
   stats.decode_seconds = tracer_->stats_.decode_seconds;
   stats.idle_seconds = tracer_->stats_.idle_seconds;
+  stats.lock_wait_seconds = tracer_->stats_.lock_wait_seconds;
+  stats.lock_hold_seconds = tracer_->stats_.lock_hold_seconds;
   stats.most_in_flight = job_->most_in_flight;
   stats.policy = to_string(tracer_->config_.read_order);
   stats.eviction = to_string(tracer_->config_.eviction);

@@ -1,6 +1,7 @@
 // EngineJob: the public Job over a TraceJob.
 //
-// push() writes rays straight into the root page's queue; next() hands out the window's chunks in order. Waiting
+// push() writes rays straight into the root page's queue, or into blocks for the expanded layout where there is one;
+// next() hands out the window's chunks in order. Waiting
 // happens on the job's own condition. push() and next() may run in two threads.
 #pragma once
 
@@ -20,6 +21,7 @@ class EngineJob final : public Job {
   ~EngineJob() override;
 
   Status push(std::span<const Ray> rays) override;
+  Status push_with(std::span<const Ray> rays, const RayExtras& extras) override;
   Status finish() override;
   std::optional<HitChunk> next() override;
   [[nodiscard]] Status status() const override;
@@ -29,22 +31,39 @@ class EngineJob final : public Job {
 
  private:
   class ChunkOwner;
-  struct Piece;
   /// Rays whose numbers follow each other.
   struct Numbered {
     std::span<const Ray> rays;
+    RayExtras extras;  // of these rays, and more after them
     std::uint32_t first_number = 0;
+
+    [[nodiscard]] PrimitiveIds skipped(std::uint32_t index) const {
+      return extras.skipped.empty() ? PrimitiveIds() : extras.skipped[index];
+    }
+    [[nodiscard]] std::uint32_t mask(std::uint32_t index) const {
+      return extras.masks.empty() ? kAllMask : extras.masks[index];
+    }
   };
+  struct Slice;
+  Status push_all(std::span<const Ray> rays, const RayExtras& extras);
   Result<Numbered> take_in(std::span<const Ray> rays);
+  [[nodiscard]] bool has_room() const;
   Status make_room(std::unique_lock<std::mutex>& lock);
-  Piece pack(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);
-  Status enqueue(const Piece& piece);
-  Status push_piece(const Numbered& some, std::span<const std::uint32_t> order, std::size_t first, std::size_t count);
+  Status push_slice(const Slice& slice);
+  Status push_fresh(const Slice& slice, std::unique_lock<std::mutex>& lock);
+  Status push_records(const Slice& slice, std::unique_lock<std::mutex>& lock);
+  std::uint32_t pack(const Slice& slice);
+  Status account(std::size_t rays);
+  void enqueue(std::uint32_t count);
+  std::optional<HitChunk> next_piece(std::unique_lock<std::mutex>& lock);
+  void fail(std::unique_lock<std::mutex>& lock, const Status& status);
   void end(std::unique_lock<std::mutex>& lock, const Status& status);
 
   std::shared_ptr<StoreTracer> tracer_;
   std::shared_ptr<TraceJob> job_;
-  std::vector<std::byte> records_;  // of one piece of a push
+  // Of one slice of a push:
+  std::vector<std::byte> records_;
+  std::vector<std::uint32_t> invalid_;  // numbers
   RayOrder order_;
 };
 

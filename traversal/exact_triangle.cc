@@ -29,11 +29,20 @@ struct RoughTest {
   double dz;
 };
 
+struct Axes {
+  unsigned x, y, z;  // z: of dir's largest magnitude
+};
+
+Axes axes_of(const std::array<float, 3>& dir) {
+  const float ax = std::fabs(dir[0]), ay = std::fabs(dir[1]), az = std::fabs(dir[2]);
+  const unsigned z = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
+  const unsigned x = z == 2 ? 0 : z + 1;
+  return {x, x == 2 ? 0 : x + 1, z};
+}
+
 RoughTest test_roughly(const ExactRay& ray, const ExactCorners& corners) {
   const std::array<float, 3>& dir = ray.dir;
-  const float ax = std::fabs(dir[0]), ay = std::fabs(dir[1]), az = std::fabs(dir[2]);
-  const unsigned kz = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
-  const unsigned kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
+  const auto [kx, ky, kz] = axes_of(dir);
   RoughTest rough{};
   rough.dz = dir[kz];
   const double sx = dir[kx] / rough.dz, sy = dir[ky] / rough.dz;
@@ -157,6 +166,37 @@ bool inside_exactly(const ExactRay& ray, const ExactCorners& corners, ExactHit& 
   return det != 0;
 }
 
+// The sign of an edge function that is zero, from p to q, where org moves by a step along axis x that is less than any
+// number, and by one along y that is less than any fraction of that. With d = q - p it changes by -(dir_z d_y - dir_y
+// d_z) for a step along x, by dir_z d_x - dir_x d_z for one along y.
+int side_after_step(const std::array<float, 3>& dir, const std::array<float, 3>& p, const std::array<float, 3>& q) {
+  const auto [x, y, z] = axes_of(dir);
+  const ExactVector d = from_to(p, q);
+  const int along_x = (d[y] * double(dir[z]) - d[z] * double(dir[y])).sign();
+  return along_x != 0 ? -along_x : (d[x] * double(dir[z]) - d[z] * double(dir[x])).sign();
+}
+
+// Whether the line of the ray that has moved so meets the triangle. It meets no edge and no corner.
+bool owns_exactly(const ExactRay& ray, const ExactCorners& corners, ExactHit& hit) {
+  const ExactVector a = from_to(ray.org, corners[0]), b = from_to(ray.org, corners[1]),
+                    c = from_to(ray.org, corners[2]);
+  const auto side = [&](const FewParts& edge, unsigned from, unsigned to) {
+    return edge.sign() != 0 ? edge.sign() : side_after_step(ray.dir, corners[from], corners[to]);
+  };
+  const FewParts u = compressed<kFewParts>(dot(ray.dir, cross(c, b)));
+  const FewParts v = compressed<kFewParts>(dot(ray.dir, cross(a, c)));
+  const FewParts w = compressed<kFewParts>(dot(ray.dir, cross(b, a)));
+  const int of_u = side(u, 2, 1), of_v = side(v, 0, 2), of_w = side(w, 1, 0);
+  if (of_u == 0 || of_u != of_v || of_v != of_w) {
+    return false;
+  }
+  // Their sum does not change as org moves, so it is not zero.
+  const double det = u.estimate() + v.estimate() + w.estimate();
+  hit.u = v.estimate() / det;
+  hit.v = w.estimate() / det;
+  return true;
+}
+
 // t = over / under, under > 0.
 struct ExactT {
   FewParts over, under;
@@ -209,9 +249,10 @@ bool place_exactly(const ExactRay& ray, const ExactCorners& corners, const Exact
   return hit.t <= interval.tfar;
 }
 
-}  // namespace
+using InsideTest = bool(const ExactRay&, const ExactCorners&, ExactHit&);
 
-bool exact_hit(const ExactRay& ray, const ExactCorners& corners, const ExactInterval& asked, ExactHit& hit) {
+bool hit_by(InsideTest& inside, const ExactRay& ray, const ExactCorners& corners, const ExactInterval& asked,
+            ExactHit& hit) {
   const ExactInterval interval{std::max(asked.tnear, -kMostFloat), asked.tfar, asked.tfar_is_hit};
   if (interval.tnear > interval.tfar) {
     return false;
@@ -221,7 +262,7 @@ bool exact_hit(const ExactRay& ray, const ExactCorners& corners, const ExactInte
     case Side::outside:
       return false;
     case Side::unsure:
-      return inside_exactly(ray, corners, hit) && place_exactly(ray, corners, interval, hit);
+      return inside(ray, corners, hit) && place_exactly(ray, corners, interval, hit);
     case Side::inside:
       break;
   }
@@ -229,6 +270,16 @@ bool exact_hit(const ExactRay& ray, const ExactCorners& corners, const ExactInte
   hit.v = rough.w / rough.det;
   const Verdict verdict = place_roughly(rough, interval, hit.t);
   return verdict == Verdict::hit || (verdict == Verdict::unsure && place_exactly(ray, corners, interval, hit));
+}
+
+}  // namespace
+
+bool exact_hit(const ExactRay& ray, const ExactCorners& corners, const ExactInterval& interval, ExactHit& hit) {
+  return hit_by(inside_exactly, ray, corners, interval, hit);
+}
+
+bool exact_crossing(const ExactRay& ray, const ExactCorners& corners, const ExactInterval& interval, ExactHit& hit) {
+  return hit_by(owns_exactly, ray, corners, interval, hit);
 }
 
 int exact_order(const ExactRay& ray, const ExactCorners& a, const ExactCorners& b) {

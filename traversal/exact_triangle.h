@@ -31,6 +31,10 @@ struct ExactHit {
 /// False: no hit in the interval.
 bool exact_hit(const ExactRay& ray, const ExactCorners& corners, const ExactInterval& interval, ExactHit& hit);
 
+/// The same by the rule of crossings.md, by which a line that meets an edge or a corner meets one of the triangles of a
+/// surface there and not all.
+bool exact_crossing(const ExactRay& ray, const ExactCorners& corners, const ExactInterval& interval, ExactHit& hit);
+
 /// Which triangle the ray meets first, before rounding: -1 a, 1 b, 0 both at the same t. It must hit both.
 int exact_order(const ExactRay& ray, const ExactCorners& a, const ExactCorners& b);
 

@@ -20,13 +20,55 @@ struct KernelCounters {
   std::uint64_t pages_entered = 0;
 };
 
+/// A hit of a ray that is asked for all of them.
+struct Crossing {
+  std::uint32_t number;  ///< of the ray
+  Hit hit;
+};
+
+/// Where a kernel for all hits puts them. Plain data.
+struct CrossingBuffer {
+  std::span<Crossing> room;
+  std::size_t count = 0;
+  void (*take)(void* owner, std::span<const Crossing> crossings) = nullptr;  ///< called when there is no room
+  void* owner = nullptr;
+
+  void add(const Crossing& crossing) {
+    if (count == room.size()) {
+      empty();
+    }
+    room[count++] = crossing;
+  }
+  void empty() {
+    take(owner, room.first(count));
+    count = 0;
+  }
+};
+
+/// Which hits count, where not all do.
+struct HitFilter {
+  bool skips = false;                             ///< rays have a primitive each that is no hit
+  std::uint32_t mask = kAllMask;                  ///< besides a ray's own
+  std::span<const std::uint32_t> geometry_masks;  ///< [geometry_id]; beyond it: all bits
+
+  /// A hit on `ids` of a ray with these.
+  [[nodiscard]] bool drops(const PrimitiveIds& skipped, std::uint32_t ray_mask, const PrimitiveIds& ids) const {
+    if (skips && ids == skipped) {
+      return true;
+    }
+    return ids.geometry_id < geometry_masks.size() && (geometry_masks[ids.geometry_id] & ray_mask & mask) == 0;
+  }
+};
+
 /// What a kernel reads. Plain data; the pages found through `images` must stay until the call returns.
 struct KernelContext {
   const std::atomic<const std::byte*>* images = nullptr;  ///< [page_count]; null: not resident
   std::atomic<std::uint8_t>* touched = nullptr;           ///< [page_count]; set when a ray enters a page
   bool need_normal = false;
   KernelCounters counters;
-  bool corrupt = false;  ///< set when a reference leads to a node that cannot be its target
+  bool corrupt = false;                 ///< set when a reference leads to a node that cannot be its target
+  const HitFilter* filter = nullptr;    ///< none: all hits count
+  CrossingBuffer* crossings = nullptr;  ///< none: they are counted alone
 };
 
 /// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.
@@ -38,10 +80,17 @@ struct ExpandedContext {
   bool need_normal = false;
   bool packets = true;  ///< coherent rays go together
   KernelCounters counters;
+  const HitFilter* filter = nullptr;    ///< as above
+  CrossingBuffer* crossings = nullptr;  ///< as above
+  // By the place of a ray in the batch:
+  std::span<const std::uint32_t> numbers = {};  ///< where there are crossings
+  RayExtras extras = {};                        ///< where there is a filter
+  const Hit* answers = nullptr;                 ///< the first of the batch; where there is one of these two
 };
 
-/// Thread-safe; no allocation, no lock, no virtual call. Rays start at the root; all are done afterwards.
-using ExpandedKernel = void (*)(ExpandedContext& context, std::span<RayState> rays);
+/// Traces valid rays from the root to their end. hits[i] must be a miss (Hit{}) and is the answer to rays[i]
+/// afterwards; of an any-hit query t alone counts. Thread-safe; no allocation, no lock, no virtual call.
+using ExpandedKernel = void (*)(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits);
 
 struct KernelChoice {
   Query query = Query::closest;

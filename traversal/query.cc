@@ -16,7 +16,9 @@ constexpr NamedField kFieldNames[] = {
     {Field::geometry_id, "geometry_id"},
     {Field::instance_id, "instance_id"},
     {Field::normal, "normal"},
+    {Field::count, "count"},
 };
+constexpr Query kQueries[] = {Query::closest, Query::any, Query::count, Query::all};
 
 template <typename T>
 void put(std::byte*& at, const T& value) {
@@ -52,6 +54,9 @@ void for_each_member(Field fields, HitType& hit, Step&& step) {
   if (has(fields, Field::normal)) {
     step(hit.normal);
   }
+  if (has(fields, Field::count)) {
+    step(hit.count);
+  }
 }
 
 }  // namespace
@@ -72,6 +77,9 @@ Hit HitLayout::read(const std::byte* row) const {
 }
 
 std::string HitLayout::numpy_descr() const {
+  if (fields_ == Field::count) {
+    return "'<u4'";
+  }
   std::string text = "[";
   const auto column = [&text](std::string_view name, std::string_view type, std::string_view shape = "") {
     text += text.size() > 1 ? ", " : "";
@@ -96,10 +104,24 @@ std::string HitLayout::numpy_descr() const {
   if (has(fields_, Field::normal)) {
     column("normal", "<f4", ", (3,)");
   }
+  if (has(fields_, Field::count)) {
+    column("count", "<u4");
+  }
   return text + "]";
 }
 
-std::string_view to_string(Query query) { return query == Query::closest ? "closest" : "any"; }
+std::string_view to_string(Query query) {
+  switch (query) {
+    case Query::any:
+      return "any";
+    case Query::count:
+      return "count";
+    case Query::all:
+      return "all";
+    default:
+      return "closest";
+  }
+}
 std::string_view to_string(Mode mode) {
   switch (mode) {
     case Mode::fast:
@@ -125,12 +147,12 @@ std::string to_string(Field fields) {
 }
 
 Result<Query> parse_query(std::string_view text) {
-  for (const Query query : {Query::closest, Query::any}) {
+  for (const Query query : kQueries) {
     if (text == to_string(query)) {
       return query;
     }
   }
-  return {ErrorCode::invalid_argument, "query '" + std::string(text) + "' is neither closest nor any"};
+  return {ErrorCode::invalid_argument, "query '" + std::string(text) + "' is none of closest, any, count, all"};
 }
 
 Result<Mode> parse_mode(std::string_view text) {

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -15,7 +17,8 @@
 namespace raymill {
 
 /// closest: the nearest hit. any: whether there is a hit at all.
-enum class Query : std::uint8_t { closest, any };
+/// count: how many crossings a ray has. all: every crossing, in order. traversal/crossings.md says what a crossing is.
+enum class Query : std::uint8_t { closest, any, count, all };
 
 /// watertight: no ray passes between triangles that share an edge or a vertex (the decision is made in float64).
 /// fast: Moeller-Trumbore in float32; error measured, not bounded.
@@ -23,7 +26,8 @@ enum class Query : std::uint8_t { closest, any };
 /// t, rounded to the nearest float32. traversal/exact.md says what decides at edges, in planes and at equal t.
 enum class Mode : std::uint8_t { watertight, fast, exact };
 
-/// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was.
+/// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was. For
+/// Query::count only `count` is, and by no other query.
 enum class Field : std::uint32_t {
   none = 0,
   t = 1,             ///< float32, in lengths of dir
@@ -32,8 +36,9 @@ enum class Field : std::uint32_t {
   geometry_id = 8,   ///< uint32
   instance_id = 16,  ///< uint32; 0xFFFFFFFF: flattened geometry has no instance
   normal = 32,       ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
+  count = 64,        ///< uint32; kNoCount: the ray is invalid
   ids = primitive_id | geometry_id,
-  all = 63,
+  all = 63,  ///< of a hit
 };
 constexpr Field operator|(Field a, Field b) { return Field(std::uint32_t(a) | std::uint32_t(b)); }
 constexpr bool has(Field set, Field field) { return (std::uint32_t(set) & std::uint32_t(field)) != 0; }
@@ -41,10 +46,12 @@ constexpr bool has(Field set, Field field) { return (std::uint32_t(set) & std::u
 constexpr Field kDefaultClosestFields = Field::t | Field::uv | Field::ids;
 
 constexpr std::uint32_t kNoId = 0xFFFFFFFFu;
+constexpr std::uint32_t kNoCount = 0xFFFFFFFFu;
+constexpr std::uint32_t kAllMask = 0xFFFFFFFFu;
 
 /// A ray in world space. dir need not have length one; t counts in lengths of dir; a hit has tnear <= t <= tfar.
 /// A ray is invalid when org or dir holds a NaN or an infinity, dir is zero, an end of the interval is NaN, or
-/// tnear > tfar; its answer is t = NaN.
+/// tnear > tfar; its answer is t = NaN, or kNoCount, or no hits where all are asked for.
 struct Ray {
   std::array<float, 3> org{};
   float tnear = 0;
@@ -52,6 +59,20 @@ struct Ray {
   float tfar = std::numeric_limits<float>::infinity();
 };
 static_assert(sizeof(Ray) == 32 && std::is_trivially_copyable_v<Ray>);
+
+/// Names a primitive.
+struct PrimitiveIds {
+  std::uint32_t geometry_id = kNoId;
+  std::uint32_t primitive_id = kNoId;
+  auto operator<=>(const PrimitiveIds&) const = default;
+};
+
+/// What rays bring; each empty, or one for each ray.
+struct RayExtras {
+  /// A primitive that the ray passes through, as the surface that it leaves; kNoId for none.
+  std::span<const PrimitiveIds> skipped = {};
+  std::span<const std::uint32_t> masks = {};
+};
 
 /// A hit with every field; those that were not asked for hold their defaults. A miss: t = +inf, ids kNoId.
 struct Hit {
@@ -62,9 +83,10 @@ struct Hit {
   std::uint32_t geometry_id = kNoId;
   std::uint32_t instance_id = kNoId;
   std::array<float, 3> normal{};
+  std::uint32_t count = 0;  ///< of crossings
 };
 
-/// Rows of hits: the asked fields, packed in the order t, u, v, primitive_id, geometry_id, instance_id, normal.
+/// Rows of hits: the asked fields, packed in the order t, u, v, primitive_id, geometry_id, instance_id, normal, count.
 /// It is the row of the structured .npy and of the wire alike (little-endian). Immutable.
 class HitLayout {
  public:
@@ -75,13 +97,19 @@ class HitLayout {
   [[nodiscard]] std::size_t row_bytes() const { return row_bytes_; }
   void write(const Hit& hit, std::byte* row) const;
   [[nodiscard]] Hit read(const std::byte* row) const;
-  /// The dtype of a NumPy structured array of such rows, e.g. "[('t', '<f4'), ('primitive_id', '<u4')]".
+  /// The dtype of a NumPy structured array of such rows, e.g. "[('t', '<f4'), ('primitive_id', '<u4')]"; a plain one of
+  /// counts.
   [[nodiscard]] std::string numpy_descr() const;
 
  private:
   Field fields_ = Field::none;
   std::size_t row_bytes_ = 0;
 };
+
+/// The fields that a query answers when these are asked for.
+constexpr Field answered_fields(Query query, Field asked) {
+  return query == Query::any ? Field::t : query == Query::count ? Field::count : asked;
+}
 
 std::string_view to_string(Query query);
 std::string_view to_string(Mode mode);

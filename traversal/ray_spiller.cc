@@ -56,6 +56,17 @@ std::uint64_t RaySpiller::rays_on_disk() const {
   return rays;
 }
 
+// Free chunks of which a job should have no fewer.
+std::uint32_t RaySpiller::chunks_needed(const TraceJob& job) const {
+  return tracer_.low_water(job) + (job.push_needs_room ? kPushChunks : 0);
+}
+
+bool RaySpiller::may_have_work() const {
+  return std::any_of(tracer_.jobs_.begin(), tracer_.jobs_.end(), [this](const auto& job) {
+    return job->waiting->rays_on_disk() > 0 || job->waiting->free_chunks() < chunks_needed(*job);
+  });
+}
+
 bool RaySpiller::may_go(const TraceJob& job, std::uint32_t group) const {
   const std::uint32_t pages = tracer_.plan_.group_pages;
   const std::uint32_t begin = group * pages, end = std::min(begin + pages, tracer_.file_->page_count());
@@ -110,7 +121,7 @@ std::optional<RaySpiller::Turn> RaySpiller::next_out() const {
   const auto wanted = wants_room_ ? extent_of_active() : std::nullopt;
   for (const auto& job : tracer_.jobs_) {
     const std::uint32_t free_chunks = job->waiting->free_chunks();
-    std::uint32_t needed = tracer_.low_water(*job) + (job->push_needs_room ? kPushChunks : 0);
+    std::uint32_t needed = chunks_needed(*job);
     bool forced = free_chunks < kLeastRoom;
     if (wanted && wanted->job == job) {
       needed += job->waiting->chunks_for(*job->waiting->oldest(wanted->group));

@@ -41,6 +41,8 @@ class RaySpiller {
 
   /// Something changed that may make it go on.
   void wake() { wake_.notify_one(); }
+  /// False: looking would find nothing. Waking it for each batch costs more than the batch's bookkeeping.
+  [[nodiscard]] bool may_have_work() const;
   /// Whether rays of the job are under way to disk or could go there.
   [[nodiscard]] bool can_relieve(const TraceJob& job) const;
   [[nodiscard]] std::uint64_t rays_on_disk() const;
@@ -51,6 +53,7 @@ class RaySpiller {
     std::uint32_t group;
   };
   void run();
+  [[nodiscard]] std::uint32_t chunks_needed(const TraceJob& job) const;
   [[nodiscard]] std::optional<Turn> next_out() const;
   [[nodiscard]] std::optional<std::uint32_t> fullest_group(const TraceJob& job) const;
   [[nodiscard]] bool may_go(const TraceJob& job, std::uint32_t group) const;

@@ -5,10 +5,13 @@
 // hit only what the job asked for. The page is known from the queue. Nothing of a ray stands elsewhere, so a record can
 // be moved, written to disk and taken up again by anybody.
 //
-//   flags level node number tfar org dir | tnear? | hit? | corners? | bitstack      36 B + 0 or 4 + 0 to 28 + 0 to 16
+//   flags level node number tfar org dir | skipped? | mask? | tnear? | hit? | corners? | bitstack
+//                                     36 B + 0 or 8 + 0 or 4 + 0 or 4 + 0 to 28 + 0 or 36 + 0 to 16
 //
 // In mode exact a hit has the corners of its triangle with it, 36 B more: where two hits round to the same t, exact
-// arithmetic decides, and the page that the first one stands in may be gone by then.
+// arithmetic decides, and the page that the first one stands in may be gone by then. The primitive that a ray skips
+// and its mask stand in the records of jobs whose rays bring them. A ray whose crossings are counted has the count for
+// its hit.
 #pragma once
 
 #include <algorithm>
@@ -62,25 +65,36 @@ struct RayState {
   LeftNode left;
   Hit hit;                                        ///< the nearest so far
   std::array<std::array<float, 3>, 3> corners{};  ///< of its triangle; mode exact alone
+  PrimitiveIds skipped;                           ///< is no hit; where rays bring it
+  std::uint32_t mask = kAllMask;                  ///< where rays bring it
 };
 
 /// Whether a record holds the corners of the hit's triangle.
 enum class KeptCorners : std::uint8_t { none, of_hit };
+
+/// What a ray brings that stands in its record.
+struct KeptExtras {
+  bool skipped = false;
+  bool mask = false;
+};
 
 /// Bytes of a waiting ray. Immutable.
 class RecordLayout {
  public:
   RecordLayout() = default;
   /// `kept`: what stands in a record of the best hit so far, t apart, which is tfar.
-  explicit RecordLayout(Field kept, KeptCorners corners = KeptCorners::none)
+  explicit RecordLayout(Field kept, KeptCorners corners = KeptCorners::none, KeptExtras extras = {})
       : hit_(Field(std::uint32_t(kept) & ~std::uint32_t(Field::t))),
-        corners_bytes_(corners == KeptCorners::of_hit ? sizeof(RayState::corners) : 0) {}
+        corners_bytes_(corners == KeptCorners::of_hit ? sizeof(RayState::corners) : 0),
+        skip_bytes_(extras.skipped ? sizeof(RayState::skipped) : 0),
+        mask_bytes_(extras.mask ? sizeof(RayState::mask) : 0) {}
 
   /// Of the smallest record.
   static constexpr std::size_t kLeastBytes = 36;
   /// Of the largest record.
   [[nodiscard]] std::size_t most_bytes() const {
-    return sizeof(Fixed) + sizeof(float) + hit_.row_bytes() + corners_bytes_ + sizeof(Bitstack);
+    return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + sizeof(float) + hit_.row_bytes() + corners_bytes_ +
+           sizeof(Bitstack);
   }
   [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray)); }
   [[nodiscard]] std::size_t bytes(const std::byte* record) const { return bytes_for(static_cast<unsigned>(*record)); }
@@ -91,6 +105,10 @@ class RecordLayout {
     const Fixed fixed{static_cast<std::uint8_t>(flags), ray.level, ray.node, ray.number, ray.tfar, ray.org, ray.dir};
     std::memcpy(record, &fixed, sizeof fixed);
     std::byte* at = record + sizeof fixed;
+    std::memcpy(at, &ray.skipped, skip_bytes_);
+    at += skip_bytes_;
+    std::memcpy(at, &ray.mask, mask_bytes_);
+    at += mask_bytes_;
     if ((flags & kHasTnear) != 0) {
       std::memcpy(at, &ray.tnear, sizeof ray.tnear);
       at += sizeof ray.tnear;
@@ -119,6 +137,10 @@ class RecordLayout {
     ray.level = fixed.level;
     ray.resume = static_cast<Resume>(fixed.flags & kResume);
     ray.has_hit = (fixed.flags & kHasHit) != 0;
+    std::memcpy(&ray.skipped, at, skip_bytes_);
+    at += skip_bytes_;
+    std::memcpy(&ray.mask, at, mask_bytes_);
+    at += mask_bytes_;
     if ((fixed.flags & kHasTnear) != 0) {
       std::memcpy(&ray.tnear, at, sizeof ray.tnear);
       at += sizeof ray.tnear;
@@ -154,12 +176,14 @@ class RecordLayout {
            static_cast<unsigned>(bits + 7) / 8 << kStackShift;
   }
   [[nodiscard]] std::size_t bytes_for(unsigned flags) const {
-    return sizeof(Fixed) + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
+    return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
            ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (flags >> kStackShift);
   }
 
   HitLayout hit_;
   std::size_t corners_bytes_ = 0;
+  std::size_t skip_bytes_ = 0;
+  std::size_t mask_bytes_ = 0;
 };
 
 }  // namespace raymill::traversal

@@ -11,9 +11,12 @@ namespace raymill::traversal {
 
 std::uint64_t ResultWindow::bytes(const Config& config) {
   const std::uint64_t chunk_bytes = (std::uint64_t(1) << config.chunk_shift) * config.layout.row_bytes();
-  // A slot has a place in three lists; collect() reads a block at a time and lists the places of a chunk.
-  return config.blocks * (config.block_bytes + sizeof(std::uint32_t)) +
-         kMostHeld * (chunk_bytes + 2 * config.block_bytes) +
+  // A slot has a place in three lists; collect() reads a block at a time and lists the places of a chunk, sort_blocks()
+  // those in hand.
+  const std::uint64_t delivery = config.lists.pieces > 0
+                                     ? HitLists::bytes(config.lists) + config.block_bytes + 2 * config.blocks
+                                     : kMostHeld * (chunk_bytes + 2 * config.block_bytes);
+  return config.blocks * (config.block_bytes + sizeof(std::uint32_t)) + delivery +
          config.slots * (sizeof(Slot) + 3 * sizeof(std::uint32_t)) +
          SpillFile::table_bytes(config.blocks * kPlacesPerBlock);
 }
@@ -21,7 +24,8 @@ std::uint64_t ResultWindow::bytes(const Config& config) {
 Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config, storage::Ledger& ledger) {
   RAYMILL_ASSIGN_OR_RETURN(storage::BudgetReservation reservation, ledger.claim(storage::Tag::results, bytes(config)));
   std::unique_ptr<ResultWindow> window(new ResultWindow(config));
-  if (window->blocks_.data() == nullptr || window->buffers_.data() == nullptr) {
+  const bool ok = window->lists_ ? window->lists_->ok() : window->buffers_.data() != nullptr;
+  if (window->blocks_.data() == nullptr || !ok) {
     return {ErrorCode::budget_exceeded, "the system has no address space for the results in flight"};
   }
   window->reservation_ = std::move(reservation);
@@ -31,7 +35,7 @@ Result<std::unique_ptr<ResultWindow>> ResultWindow::create(const Config& config,
 ResultWindow::ResultWindow(const Config& config)
     : config_(config),
       blocks_(config.blocks * config.block_bytes),
-      buffers_(kMostHeld * (config.layout.row_bytes() << config.chunk_shift)),
+      buffers_(config.lists.pieces > 0 ? 0 : kMostHeld * (config.layout.row_bytes() << config.chunk_shift)),
       slots_(config.slots),
       file_({config.spill_directory, "results", config.block_bytes, config.blocks * kPlacesPerBlock, false}) {
   assert(config.blocks >= kMinBlocks && block_rows() > 0);
@@ -45,6 +49,11 @@ ResultWindow::ResultWindow(const Config& config)
   fill(free_slots_, config.slots);
   fill(free_blocks_, config.blocks);
   fill(free_buffers_, kMostHeld);
+  if (config.lists.pieces > 0) {
+    lists_ = std::make_unique<HitLists>(config.lists);
+    sorting_.blocks.reserve(most_in_hand());
+    sorting_.places.reserve(most_in_hand());
+  }
 }
 
 std::uint32_t ResultWindow::room() const { return filling_ == kNone ? 0 : chunk_rays() - slots_[filling_].rays; }
@@ -87,19 +96,52 @@ void ResultWindow::close_slot() {
 }
 
 Result<bool> ResultWindow::complete(std::uint32_t number, const Hit& hit) {
+  RAYMILL_RETURN_IF_ERROR(add_hit(number, hit));
+  return complete(number, 1);
+}
+
+Status ResultWindow::add_hit(std::uint32_t number, const Hit& hit) {
   Slot& slot = slots_[number >> config_.chunk_shift];
-  if (slot.open == kNone || header(slot.open).rows == block_rows()) {
-    RAYMILL_RETURN_IF_ERROR(open_block(slot));
-  }
-  const auto position = static_cast<Position>(number & (chunk_rays() - 1));
-  std::byte* entry = block(slot.open) + sizeof(BlockHeader) + header(slot.open).rows++ * entry_bytes();
-  std::memcpy(entry, &position, sizeof position);
-  config_.layout.write(hit, entry + sizeof position);
-  if (--slot.remaining > 0 || slot.state != State::tracing) {
+  RAYMILL_RETURN_IF_ERROR(open_rows(slot).status());
+  write_entry(number, hit, block(slot.open) + sizeof(RowBlock) + header(slot.open).rows++ * entry_bytes());
+  return {};
+}
+
+bool ResultWindow::complete(std::uint32_t number, std::uint32_t rays) {
+  Slot& slot = slots_[number >> config_.chunk_shift];
+  slot.remaining -= rays;
+  if (slot.remaining > 0 || slot.state != State::tracing) {
     return false;
   }
   end_slot(slot);
   return true;
+}
+
+void ResultWindow::write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const {
+  const auto position = static_cast<Position>(number & (chunk_rays() - 1));
+  std::memcpy(entry, &position, sizeof position);
+  config_.layout.write(hit, entry + sizeof position);
+}
+
+Result<bool> ResultWindow::complete_all(std::uint32_t number, std::span<const std::byte> entries) {
+  Slot& slot = slots_[number >> config_.chunk_shift];
+  const auto rays = static_cast<std::uint32_t>(entries.size() / entry_bytes());
+  while (!entries.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(const std::uint32_t places, open_rows(slot));
+    const auto some = entries.first(std::min(entries.size(), places * entry_bytes()));
+    RowBlock& open = header(slot.open);
+    std::memcpy(block(slot.open) + sizeof(RowBlock) + open.rows * entry_bytes(), some.data(), some.size());
+    open.rows += static_cast<std::uint32_t>(some.size() / entry_bytes());
+    entries = entries.subspan(some.size());
+  }
+  return complete(number, rays);
+}
+
+Result<std::uint32_t> ResultWindow::open_rows(Slot& slot) {
+  if (slot.open == kNone || header(slot.open).rows == block_rows()) {
+    RAYMILL_RETURN_IF_ERROR(open_block(slot));
+  }
+  return block_rows() - header(slot.open).rows;
 }
 
 // All rays of the slot are done.
@@ -129,9 +171,12 @@ Status ResultWindow::open_block(Slot& slot) {
   return {};
 }
 
-// The slot whose block goes: the latest with a full one, for it is needed last; while a chunk that is fetched has them
-// all, the one whose block is fullest.
+// The slot whose block goes: one that is sorted, for its blocks are about to be read whole, or the latest with a full
+// one, for it is needed last; while a chunk that is fetched has them all, the one whose block is fullest.
 std::uint32_t ResultWindow::choose_victim() const {
+  if (sorting_.slot != kNone && slots_[sorting_.slot].full != kNone) {
+    return sorting_.slot;
+  }
   std::uint32_t fullest = kNone;
   for (std::size_t i = order_.size(); i-- > 0;) {
     const Slot& slot = slots_[order_[i]];
@@ -159,18 +204,16 @@ Status ResultWindow::spill_block() {
   }
   const std::uint32_t place = file_.take();
   header(index).next = std::exchange(slot.place, place);
-  header(index).checksum = checksum_of(block(index));
+  header(index).checksum = RowBlock::checksum_of(block(index), config_.layout.row_bytes());
   spilled_bytes_ += config_.block_bytes;
   free_blocks_.push_back(index);
   return file_.write(place, {block(index), config_.block_bytes});
 }
 
-std::uint64_t ResultWindow::checksum_of(const std::byte* block) const {
-  const std::uint32_t rows = reinterpret_cast<const BlockHeader*>(block)->rows;
-  return storage::checksum({block + sizeof(BlockHeader), rows * entry_bytes()});
-}
-
 bool ResultWindow::deliverable() const {
+  if (lists_ && (sorting_.slot != kNone || !lists_->has_piece())) {
+    return lists_->has_piece();
+  }
   return !order_.empty() && slots_[order_.front()].state == State::done && !free_buffers_.empty();
 }
 
@@ -193,22 +236,29 @@ Status ResultWindow::damaged() const {
 
 // Each row to its position.
 Status ResultWindow::place_rows(const std::byte* block, const Delivery& delivery, std::uint32_t& rows_left) const {
-  const std::uint32_t rows = reinterpret_cast<const BlockHeader*>(block)->rows;
+  const std::uint32_t rows = RowBlock::of(block).rows;
   const std::size_t row_bytes = config_.layout.row_bytes();
   if (rows > rows_left) {
     return damaged();
   }
   rows_left -= rows;
-  for (const std::byte* entry = block + sizeof(BlockHeader); entry < block + sizeof(BlockHeader) + rows * entry_bytes();
-       entry += entry_bytes()) {
-    Position position;
-    std::memcpy(&position, entry, sizeof position);
+  const std::byte* entries = RowBlock::entries(block);
+  for (const std::byte* entry = entries; entry < entries + rows * entry_bytes(); entry += entry_bytes()) {
+    const Position position = RowBlock::position_of(entry);
     if ((position + 1) * row_bytes > delivery.rows.size()) {
       return damaged();
     }
     std::memcpy(delivery.rows.data() + position * row_bytes, entry + sizeof position, row_bytes);
   }
   return {};
+}
+
+Status ResultWindow::read_block(std::uint32_t place, std::span<std::byte> block) const {
+  RAYMILL_RETURN_IF_ERROR(file_.read(place, block));
+  const RowBlock& head = RowBlock::of(block.data());
+  const bool whole =
+      head.rows <= block_rows() && head.checksum == RowBlock::checksum_of(block.data(), config_.layout.row_bytes());
+  return whole ? Status() : damaged();
 }
 
 Status ResultWindow::collect(Delivery& delivery) {
@@ -219,13 +269,9 @@ Status ResultWindow::collect(Delivery& delivery) {
   }
   if (slot.place != kNone) {
     std::vector<std::byte> buffer(config_.block_bytes);
-    const auto* head = reinterpret_cast<const BlockHeader*>(buffer.data());
-    for (std::uint32_t place = slot.place; place != kNone; place = head->next) {
-      RAYMILL_RETURN_IF_ERROR(file_.read(place, buffer));
+    for (std::uint32_t place = slot.place; place != kNone; place = RowBlock::of(buffer.data()).next) {
+      RAYMILL_RETURN_IF_ERROR(read_block(place, buffer));
       delivery.places.push_back(place);
-      if (head->rows > block_rows() || head->checksum != checksum_of(buffer.data())) {
-        return damaged();
-      }
       RAYMILL_RETURN_IF_ERROR(place_rows(buffer.data(), delivery, rows_left));
     }
   }
@@ -242,6 +288,66 @@ void ResultWindow::end_delivery(const Delivery& delivery) {
     file_.give(place);
   }
   slot.place = kNone;
+}
+
+bool ResultWindow::begin_blocks() {
+  if (sorting_.slot == kNone) {
+    sorting_.slot = order_.front();
+    order_.pop_front();
+    slots_[sorting_.slot].state = State::held;
+    lists_->begin(slots_[sorting_.slot].rays);
+  }
+  Slot& slot = slots_[sorting_.slot];
+  while (slot.full != kNone && sorting_.blocks.size() < most_in_hand()) {
+    sorting_.blocks.push_back(slot.full);
+    slot.full = header(slot.full).next;
+  }
+  if (sorting_.blocks.empty()) {
+    sorting_.place = std::exchange(slot.place, kNone);
+  }
+  return !sorting_.blocks.empty() || sorting_.place != kNone;
+}
+
+Status ResultWindow::sort_blocks() {
+  for (const std::uint32_t index : sorting_.blocks) {
+    RAYMILL_RETURN_IF_ERROR(lists_->take(block(index)));
+  }
+  std::vector<std::byte> buffer(sorting_.place != kNone ? config_.block_bytes : 0);
+  while (sorting_.place != kNone && sorting_.places.size() < most_in_hand()) {
+    RAYMILL_RETURN_IF_ERROR(read_block(sorting_.place, buffer));
+    sorting_.places.push_back(sorting_.place);
+    RAYMILL_RETURN_IF_ERROR(lists_->take(buffer.data()));
+    sorting_.place = RowBlock::of(buffer.data()).next;
+  }
+  return {};
+}
+
+void ResultWindow::end_blocks() {
+  free_blocks_.insert(free_blocks_.end(), sorting_.blocks.begin(), sorting_.blocks.end());
+  for (const std::uint32_t place : sorting_.places) {
+    file_.give(place);
+  }
+  if (sorting_.blocks.empty()) {
+    slots_[sorting_.slot].place = std::exchange(sorting_.place, kNone);
+  }
+  sorting_.blocks.clear();
+  sorting_.places.clear();
+  lists_spilled_bytes_ = lists_->spilled_bytes();
+}
+
+HitLists::Piece ResultWindow::begin_piece() {
+  HitLists::Piece piece;
+  piece.number = lists_->take_piece();
+  return piece;
+}
+
+ResultWindow::PiecePlace ResultWindow::end_piece(const HitLists::Piece& piece) {
+  const PiecePlace place{next_index_++, slots_[sorting_.slot].first_ray + piece.first_position};
+  lists_spilled_bytes_ = lists_->spilled_bytes();
+  if (piece.is_last) {
+    free_slot(std::exchange(sorting_.slot, kNone));
+  }
+  return place;
 }
 
 void ResultWindow::free_slot(std::uint32_t index) {

@@ -3,6 +3,9 @@
 //   chunk of rays: free -> filling (push) -> tracing -> done -> held by a HitChunk -> free
 //   rows of a chunk: blocks of (position, row) in the order in which its rays ended --> sorted when its turn comes
 //
+// Where rays have lists of hits, a row comes for each hit when it is found, and a chunk whose turn has come is sorted
+// and given piece by piece (hit_lists.h): ... done -> sorting -> free.
+//
 // A ray's number is slot << chunk_shift | position. A ray under way costs nothing here: a row is made when the ray is
 // done. Where blocks are short they go to a temporary file, those of the latest chunks first; a chunk's blocks there
 // are a chain, so nothing here grows with what is on disk. So neither pushing everything first nor a few late rays need
@@ -10,6 +13,7 @@
 // none.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -21,7 +25,9 @@
 #include "storage/base/ledger.h"
 #include "storage/base/mapped_memory.h"
 #include "storage/base/status.h"
+#include "traversal/hit_lists.h"
 #include "traversal/query.h"
+#include "traversal/row_block.h"
 #include "traversal/spill_file.h"
 
 namespace raymill::traversal {
@@ -35,6 +41,8 @@ class ResultWindow {
     std::uint32_t blocks = 0;  ///< in memory, and chunks under way at most; at least kMinBlocks
     std::size_t block_bytes = 0;
     std::string spill_directory;
+    /// Of lists of hits; no pieces: rays have a row each. `layout` is HitLists::kept(asked) there.
+    HitLists::Config lists = {};
   };
   static constexpr std::uint32_t kMinBlocks = 2;
   /// Blocks on disk, for each in memory, whose places are used again: a bit each.
@@ -66,6 +74,15 @@ class ResultWindow {
 
   /// A ray is done. True: its chunk is. Errors: io, disk_full (a block had to go to disk).
   Result<bool> complete(std::uint32_t number, const Hit& hit);
+  /// Bytes of a row with its place, and such an entry made of an answer; needs no lock.
+  [[nodiscard]] std::size_t entry_bytes() const { return RowBlock::entry_bytes(config_.layout.row_bytes()); }
+  void write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const;
+  /// Rays of one chunk, the one that `number` is of, are done: their entries. Else as complete().
+  Result<bool> complete_all(std::uint32_t number, std::span<const std::byte> entries);
+  /// A hit more of a ray with a list. Errors: the same.
+  Status add_hit(std::uint32_t number, const Hit& hit);
+  /// So many rays with lists, of the chunk that `number` is of, have all their hits. True: all of the chunk's have.
+  bool complete(std::uint32_t number, std::uint32_t rays);
 
   // Delivery: begin_delivery(), collect(), end_delivery(); and free_slot() when the caller has let go.
 
@@ -79,7 +96,7 @@ class ResultWindow {
   /// Whether the next chunk in order can be taken.
   [[nodiscard]] bool deliverable() const;
   /// Whether all chunks were taken (more may follow).
-  [[nodiscard]] bool drained() const { return order_.empty(); }
+  [[nodiscard]] bool drained() const { return order_.empty() && sorting_.slot == kNone; }
   /// Takes the next chunk; deliverable() must hold. Its rows are there after collect().
   Delivery begin_delivery();
   /// Errors: io, checksum_mismatch.
@@ -87,10 +104,29 @@ class ResultWindow {
   void end_delivery(const Delivery& delivery);
   void free_slot(std::uint32_t slot);
 
-  [[nodiscard]] std::uint64_t spilled_bytes() const { return spilled_bytes_; }
+  // Delivery of lists: the next chunk's blocks are sorted, block by block; then its pieces come.
+
+  [[nodiscard]] bool has_lists() const { return lists_ != nullptr; }
+  /// Takes blocks of the next chunk in hand; false when all are sorted. deliverable() must hold.
+  bool begin_blocks();
+  /// Sorts them; needs no lock. Errors: io, disk_full, checksum_mismatch.
+  Status sort_blocks();
+  void end_blocks();
+  /// The next piece, its rows there after fill_piece(), which needs no lock. Errors: io, checksum_mismatch.
+  HitLists::Piece begin_piece();
+  Status fill_piece(HitLists::Piece& piece) { return lists_->fill(piece); }
+  /// Says where the piece stands: its index and its first ray.
+  struct PiecePlace {
+    std::uint64_t index, first_ray;
+  };
+  PiecePlace end_piece(const HitLists::Piece& piece);
+  void free_piece(std::uint32_t piece) { lists_->give_piece(piece); }
+
+  /// Of lists: up to the last block or piece that was ended.
+  [[nodiscard]] std::uint64_t spilled_bytes() const { return spilled_bytes_ + lists_spilled_bytes_; }
 
  private:
-  static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
+  static constexpr std::uint32_t kNone = RowBlock::kNone;
   enum class State : std::uint8_t { free, filling, tracing, done, held };
   struct Slot {
     State state = State::free;
@@ -102,26 +138,31 @@ class ResultWindow {
     std::uint32_t buffer = kNone;
     std::uint64_t first_ray = 0;
   };
-  struct BlockHeader {
-    std::uint32_t next = kNone;  // of its chain
-    std::uint32_t rows = 0;
-    std::uint64_t checksum = 0;  // of the rows, on disk
+  using Position = RowBlock::Position;
+  /// The chunk whose lists are given.
+  struct Sorting {
+    std::uint32_t slot = kNone;
+    std::vector<std::uint32_t> blocks;  // in hand
+    std::uint32_t place = kNone;        // first of a chain in hand
+    std::vector<std::uint32_t> places;  // that were read back
   };
-  using Position = std::uint16_t;
 
   explicit ResultWindow(const Config& config);
   [[nodiscard]] std::byte* block(std::uint32_t index) const { return blocks_.data() + index * config_.block_bytes; }
-  [[nodiscard]] BlockHeader& header(std::uint32_t index) const { return *reinterpret_cast<BlockHeader*>(block(index)); }
-  [[nodiscard]] std::size_t entry_bytes() const { return sizeof(Position) + config_.layout.row_bytes(); }
+  [[nodiscard]] RowBlock& header(std::uint32_t index) const { return *reinterpret_cast<RowBlock*>(block(index)); }
   [[nodiscard]] std::uint32_t block_rows() const {
-    return static_cast<std::uint32_t>((config_.block_bytes - sizeof(BlockHeader)) / entry_bytes());
+    return RowBlock::room(config_.block_bytes, config_.layout.row_bytes());
   }
+  /// Blocks of a chunk that is sorted that are in hand at once: some are left to go to disk.
+  [[nodiscard]] std::uint32_t most_in_hand() const { return std::max(1U, config_.blocks / 4); }
   Status open_block(Slot& slot);
+  /// Places for rows in the open block, of which there is at least one.
+  Result<std::uint32_t> open_rows(Slot& slot);
   void close_block(Slot& slot);
   void end_slot(Slot& slot);
   Status spill_block();
   [[nodiscard]] std::uint32_t choose_victim() const;
-  [[nodiscard]] std::uint64_t checksum_of(const std::byte* block) const;
+  Status read_block(std::uint32_t place, std::span<std::byte> block) const;
   Status place_rows(const std::byte* block, const Delivery& delivery, std::uint32_t& rows_left) const;
   Status damaged() const;
 
@@ -137,6 +178,9 @@ class ResultWindow {
   std::uint64_t next_ray_ = 0;
   SpillFile file_;
   std::uint64_t spilled_bytes_ = 0;
+  std::unique_ptr<HitLists> lists_;
+  std::uint64_t lists_spilled_bytes_ = 0;  // what lists_ itself says is for its thread alone
+  Sorting sorting_;
 };
 
 }  // namespace raymill::traversal

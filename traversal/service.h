@@ -25,11 +25,19 @@ namespace raymill {
 struct TraceConfig {
   Query query = Query::closest;
   Mode mode = Mode::watertight;
-  Field fields = kDefaultClosestFields;  ///< for Query::any only Field::t is accepted or used
+  Field fields = kDefaultClosestFields;  ///< Query::any answers Field::t alone and Query::count Field::count
+  std::uint64_t first = 0;               ///< Query::all: of each ray at most so many hits, the nearest; 0: all
+  bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_with)
+  bool masks = false;                    ///< each ray brings a mask (Job::push_with)
+  std::uint32_t mask = kAllMask;         ///< of every ray, besides
+  /// [geometry_id]; a triangle is a hit where a bit is set in its geometry's mask and in those of the ray. None, or too
+  /// short for an id: all bits. The caller's memory: what is there before an Engine is made counts.
+  std::shared_ptr<const std::vector<std::uint32_t>> geometry_masks = {};
 };
 
-/// Rows of hits for consecutive rays. Move-only: it holds memory claimed from the budget until it is destroyed, so a
-/// caller that keeps every chunk stops its own job: copy what is to stay.
+/// Rows of hits for consecutive rays: a row a ray, but for Query::all, where offsets() says whose they are. Move-only:
+/// it holds memory claimed from the budget until it is destroyed, so a caller that keeps every chunk stops its own job:
+/// copy what is to stay.
 class HitChunk {
  public:
   /// Gives back whatever holds the rows' memory.
@@ -45,8 +53,17 @@ class HitChunk {
   HitChunk& operator=(HitChunk&&) = default;
 
   [[nodiscard]] std::uint64_t index() const { return index_; }          ///< 0, 1, 2, ...
-  [[nodiscard]] std::uint64_t first_ray() const { return first_ray_; }  ///< position of row 0 in the job's rays
-  [[nodiscard]] std::size_t size() const { return rows_.size() / layout_.row_bytes(); }
+  [[nodiscard]] std::uint64_t first_ray() const { return first_ray_; }  ///< its position in the job's rays
+  [[nodiscard]] std::size_t size() const { return rows_.size() / layout_.row_bytes(); }  ///< rows
+  /// Query::all: [rays + 1], the rows of ray first_ray() + i are those from offsets()[i] to offsets()[i + 1], by t,
+  /// then geometry id, then primitive id. A ray whose rows are too many for a chunk is the last of this one and the
+  /// first of the next: goes_on(). Empty for every other query.
+  [[nodiscard]] std::span<const std::uint32_t> offsets() const { return offsets_; }
+  [[nodiscard]] bool goes_on() const { return goes_on_; }
+  void set_offsets(std::span<const std::uint32_t> offsets, bool goes_on) {
+    offsets_ = offsets;
+    goes_on_ = goes_on;
+  }
   [[nodiscard]] const HitLayout& layout() const { return layout_; }
   /// The packed rows, size() * layout().row_bytes() bytes, as they stand in a hits file.
   [[nodiscard]] std::span<const std::byte> rows() const { return rows_; }
@@ -57,6 +74,8 @@ class HitChunk {
   std::uint64_t first_ray_;
   HitLayout layout_;
   std::span<const std::byte> rows_;
+  std::span<const std::uint32_t> offsets_;
+  bool goes_on_ = false;
   std::unique_ptr<Owner> owner_;
 };
 
@@ -68,8 +87,9 @@ struct JobProgress {
 
 struct JobStats {
   std::uint64_t rays = 0;
-  std::uint64_t hits = 0;
+  std::uint64_t hits = 0;  ///< rays that hit something
   std::uint64_t invalid = 0;
+  std::uint64_t crossings = 0;  ///< of all rays, where the query is count or all
   // Of the store since it was opened (all jobs together):
   std::uint64_t pages_read = 0;
   std::uint64_t reads = 0;  ///< by which they came: pages that follow each other in the file come by one
@@ -78,10 +98,12 @@ struct JobStats {
   std::uint64_t distinct_bytes =
       0;  ///< of those pages as they stand in the file; bytes_read / distinct_bytes: amplification
   std::uint64_t evictions = 0;
-  double decode_seconds = 0;   ///< of all workers
-  double idle_seconds = 0;     ///< of all workers, with jobs running and nothing to run or decode
-  std::uint64_t stalls = 0;    ///< times that a worker was idle, each up to 10 ms
-  double mean_read_depth = 0;  ///< pages under way when a read began
+  double decode_seconds = 0;     ///< of all workers
+  double idle_seconds = 0;       ///< of all workers, with jobs running and nothing to run or decode
+  double lock_wait_seconds = 0;  ///< of all workers, for each other and for who pushes or fetches
+  double lock_hold_seconds = 0;  ///< of all workers, while the others would have to wait
+  std::uint64_t stalls = 0;      ///< times that a worker was idle, each up to 10 ms
+  double mean_read_depth = 0;    ///< pages under way when a read began
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
@@ -112,6 +134,11 @@ class Job {
   /// temporary file, so pushing everything before the first next() is fine.
   /// Errors: cancelled, and whatever ended the job.
   virtual Status push(std::span<const Ray> rays) = 0;
+  /// The same for rays that bring what the job was asked for (TraceConfig::skips, masks). Errors: also invalid_argument
+  /// (it was not, or the lengths differ), unsupported (by a server).
+  virtual Status push_with(std::span<const Ray> /*rays*/, const RayExtras& /*extras*/) {
+    return {ErrorCode::unsupported, "rays that bring primitives or masks are traced by an Engine alone"};
+  }
   /// Says that no more rays come.
   virtual Status finish() = 0;
   /// The next chunk in the rays' order; waits for it. A chunk comes when it is full or after finish(), so a caller with

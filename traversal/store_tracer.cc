@@ -19,10 +19,30 @@ constexpr std::uint32_t kMostAtRoot = 64 << 10;
 
 // What a waiting ray keeps of its best hit. Ties are broken by ids: they are kept wherever the choice could show.
 Field kept_fields(const TraceConfig& config) {
-  if (config.query == Query::any) {
-    return Field::none;
+  switch (config.query) {
+    case Query::closest:
+      return config.fields == Field::t ? Field::t : config.fields | Field::ids;
+    case Query::count:
+      return Field::count;
+    default:
+      return Field::none;
   }
-  return config.fields == Field::t ? Field::t : config.fields | Field::ids;
+}
+
+Status check(const TraceConfig& config) {
+  if (config.fields == Field::none) {
+    return {ErrorCode::invalid_argument, "a job needs at least one field"};
+  }
+  if (has(config.fields, Field::count) && config.query != Query::count) {
+    return {ErrorCode::invalid_argument, "only the query count answers the field count"};
+  }
+  if (!config.geometry_masks && (config.masks || config.mask != kAllMask)) {
+    return {ErrorCode::invalid_argument, "masks of rays need masks of geometries to be held against"};
+  }
+  if (config.first != 0 && config.query != Query::all) {
+    return {ErrorCode::invalid_argument, "only the query all gives the first hits of a ray; closest gives the first"};
+  }
+  return {};
 }
 
 KeptCorners kept_corners(const TraceConfig& config) {
@@ -101,14 +121,11 @@ StoreTracer::~StoreTracer() {
 Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::shared_ptr<StoreTracer> self) {
   TraceJob::Setup setup;
   setup.config = config;
-  if (config.query == Query::any) {
-    setup.config.fields = Field::t;
-  }
-  if (setup.config.fields == Field::none) {
-    return {ErrorCode::invalid_argument, "a job needs at least one field"};
-  }
+  setup.config.fields = answered_fields(config.query, config.fields);
+  RAYMILL_RETURN_IF_ERROR(check(setup.config));
   const storage::PageRules rules = file_->rules();
-  const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64};
+  const bool is_crossings = config.query == Query::count || config.query == Query::all;
+  const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64 || is_crossings};
   setup.kernel = find_kernel(config_.isa, choice);
   setup.expanded_kernel = find_expanded_kernel(config_.isa, choice);
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
@@ -118,12 +135,13 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
   }
 
-  const HitLayout row(setup.config.fields);
-  JobPlan plan = plan_job(plan_, rules.page_count, row);
+  const RowsAsked rows{setup.config.fields, config.query == Query::all, config.first};
+  JobPlan plan = plan_job(plan_, rules.page_count, rows);
   setup.most_in_flight = plan.most_in_flight;
-  plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config));
+  plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config),
+                                     {.skipped = config.skips, .mask = config.masks});
   plan.waiting.directory = config_.spill_directory;
-  plan.window.spill_directory = config_.spill_directory;
+  plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 
   const std::lock_guard lock(mutex_);
   RAYMILL_RETURN_IF_ERROR(layout_status_);
@@ -133,6 +151,13 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   }
   RAYMILL_ASSIGN_OR_RETURN(setup.waiting, WaitingRays::create(plan.waiting, ledger_));
   RAYMILL_ASSIGN_OR_RETURN(setup.window, ResultWindow::create(plan.window, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(setup.crossings_claim,
+                           ledger_.claim(storage::Tag::results, plan.crossings * sizeof(Crossing)));
+  setup.crossings.resize(plan.crossings / config_.share.threads * config_.share.threads);
+  if (fresh_claim_.bytes() > 0) {
+    RAYMILL_ASSIGN_OR_RETURN(setup.fresh,
+                             FreshRays::create({config_.share.threads, config.skips, config.masks}, ledger_));
+  }
   auto job = std::make_shared<TraceJob>(std::move(setup));
   jobs_.push_back(job);
   spiller_->wake();
@@ -140,49 +165,46 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
 }
 
 PageState StoreTracer::state_of(storage::PageId page) const {
-  if (page == root_page() && config_.layout == Layout::expanded) {
-    return PageState::resident;  // its rays wait for the tree
-  }
   return cache_->resident(page) ? PageState::resident : cache_->absent(page) ? PageState::absent : PageState::reading;
 }
 
 void StoreTracer::work(unsigned index) {
   const IeeeScope ieee;
   Worker worker(index, *file_, config_);
-  std::unique_lock lock(mutex_);
+  WorkLock lock(mutex_);
   while (true) {
+    lock.report(stats_);
     wait_for_work(lock);
     if (stopping_) {
       return;
     }
     if (!arrivals_.empty()) {
-      handle_arrival(worker.index, worker.decoder, lock);
+      handle_arrival(worker, lock);
     } else if (can_expand()) {
       expand_page(worker, lock);
-    } else if (!stalled_ && !waits_for_tree()) {
-      if (const auto page = scheduler_.take_ready()) {
-        run_batch(worker, *page, lock);
-      }
+    } else if (const auto page = stalled_ ? std::nullopt : scheduler_.take_ready()) {
+      run_batch(worker, *page, lock);
+    } else if (has_fresh()) {
+      run_fresh(worker, lock);
     }
     pump_reads();
   }
 }
 
-void StoreTracer::wait_for_work(std::unique_lock<std::mutex>& lock) {
+void StoreTracer::wait_for_work(WorkLock& lock) {
   const auto something_to_do = [this] {
-    return stopping_ || !arrivals_.empty() || can_expand() ||
-           (scheduler_.has_ready() && !stalled_ && !waits_for_tree());
+    return stopping_ || !arrivals_.empty() || can_expand() || (scheduler_.has_ready() && !stalled_) || has_fresh();
   };
   if (something_to_do()) {
     return;
   }
   if (jobs_.empty()) {
-    work_wake_.wait(lock, [&] { return something_to_do() || !jobs_.empty(); });
+    lock.sleep([&](auto& held) { work_wake_.wait(held, [&] { return something_to_do() || !jobs_.empty(); }); });
     return;
   }
   const auto begin = Timeline::Clock::now();
   ++stats_.stalls;
-  work_wake_.wait_for(lock, kPushPatience, something_to_do);
+  lock.sleep([&](auto& held) { work_wake_.wait_for(held, kPushPatience, something_to_do); });
   stats_.idle_seconds += std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
 }
 
@@ -214,7 +236,7 @@ std::uint32_t StoreTracer::batch_size(const TraceJob& job) const {
   return job.batches_out == 0 && !spiller_->can_relieve(job) ? 1 : 0;
 }
 
-void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock) {
+void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock) {
   // The next job, in turn, that has rays here.
   std::shared_ptr<TraceJob> job;
   for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
@@ -245,7 +267,6 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   ++job->batches_out;
   storage::PagePin pin = cache_->pin(worker.index);
   const std::byte* image = cache_->find(page);
-  const std::shared_ptr<const ExpandedTree> tree = page == root_page() ? tree_ : nullptr;
   stats_.rays_at_root += page == root_page() ? batch.count : 0;
   lock.unlock();
 
@@ -260,7 +281,9 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   if (job->future_demand && image != nullptr) {
     job->future_demand->taken_up(worker.rays, image);
   }
-  const BatchCounters counters = trace_batch(worker, *job, tree.get(), page, image);
+  Gathering crossings(*this, worker, *job);
+  const BatchCounters counters = trace_batch(worker, *job, page, image, crossings.buffer());
+  crossings.hand_over();
   if (job->future_demand && image != nullptr) {
     job->future_demand->put_back(worker.rays, index_of(page), image);
   }
@@ -283,7 +306,6 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   job->stats.nodes_visited += counters.kernel.nodes_visited;
   job->stats.pages_entered += counters.kernel.pages_entered;
   job->stats.triangles_tested += counters.kernel.triangles_tested;
-  job->stats.rays_expanded += counters.rays_expanded;
   if (counters.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +
                                            ": has pages whose references do not fit each other; build it "
@@ -306,8 +328,18 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, std::unique_lo
   // Waking costs more than a small batch: only where whoever waits can go on.
   const bool go_on = (job->push_blocked && job->place_for_many()) ||
                      (job->push_needs_room && has_room(*job) && job->waiting->count(root_page()) <= kMostAtRoot / 2);
-  if (chunk_done || go_on || !job->status.ok() || job->batches_out == 0) {
+  const bool idle = job->batches_out == 0 && !scheduler_.has_ready();
+  if (chunk_done || go_on || !job->status.ok() || idle) {
     job->changed.notify_all();
+  }
+}
+
+// Hits that a worker has gathered join the lists of their rays.
+void StoreTracer::take_crossings(TraceJob& job, std::span<const Crossing> crossings) {
+  const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < crossings.size() && job.status.ok(); ++i) {
+    job.status = job.window->add_hit(crossings[i].number, crossings[i].hit);
+    ++job.stats.crossings;
   }
 }
 
@@ -316,10 +348,13 @@ Result<bool> StoreTracer::settle(Worker& worker, TraceJob& job) {
   bool chunk_done = false;
   for (const RayState& ray : worker.rays) {
     if (ray.done) {
-      RAYMILL_ASSIGN_OR_RETURN(const bool done, job.window->complete(ray.number, ray.hit));
-      chunk_done = chunk_done || done;
+      const Result<bool> done = job.window->has_lists() ? Result<bool>(job.window->complete(ray.number, 1))
+                                                        : job.window->complete(ray.number, ray.hit);
+      RAYMILL_RETURN_IF_ERROR(done.status());
+      chunk_done = chunk_done || *done;
       ++job.rays_done;
       job.stats.hits += ray.has_hit ? 1 : 0;
+      job.stats.crossings += job.config.query == Query::count ? ray.hit.count : 0;
     }
   }
   job.last_done = TraceJob::Clock::now();
@@ -359,6 +394,9 @@ void StoreTracer::remove_job(TraceJob& job) {
       RayQueue queue = job.waiting->take(page, rays);
       job.waiting->pool().release(queue);
     }
+  }
+  if (job.fresh) {
+    job.fresh->clear();
   }
   std::erase_if(jobs_, [&](const auto& other) { return other.get() == &job; });
   next_job_ = 0;

@@ -1,6 +1,6 @@
 // StoreTracer: one open store with its pages, its workers and the jobs that run on it.
 //
-//                 push() --rays--> queue of the root page
+//                 push() --rays--> queue of the root page; or, where the store is expanded, blocks of fresh rays
 //                                     |
 //        +---------- ready page <-----+-----------------------+
 //        v                                                    |
@@ -32,6 +32,7 @@
 #include "storage/io/store_file.h"
 #include "storage/pages/codec.h"
 #include "traversal/budget_plan.h"
+#include "traversal/fresh_rays.h"
 #include "traversal/future_demand.h"
 #include "traversal/group_turns.h"
 #include "traversal/kernel.h"
@@ -55,6 +56,8 @@ constexpr unsigned kMostThreads = 256;  ///< workers of one store
 constexpr std::uint32_t kBatchSlack = RayPool::records_per_chunk(RecordLayout::kLeastBytes);
 /// Rays of a push that are sorted together.
 constexpr std::size_t kSortedRays = std::size_t{64} << 10;
+/// Answers of a block of fresh rays, and their entries in the result window.
+constexpr std::uint64_t kFreshWorkerBytes = FreshRays::kBlockRays * (2 * sizeof(Hit) + sizeof(std::uint16_t));
 /// A batch, and the order in which its rays are parked.
 constexpr std::uint64_t kWorkerBytes = (kBatchRays + kBatchSlack) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
 
@@ -87,6 +90,8 @@ class StoreTracer {
   friend class EngineJob;
   friend class RaySpiller;
   struct Worker;
+  class WorkLock;
+  class Gathering;
   struct StoreStats {
     std::uint64_t pages_read = 0;
     std::uint64_t stalls = 0;
@@ -98,6 +103,8 @@ class StoreTracer {
     double expand_seconds = 0;
     std::uint64_t rays_at_root = 0;  // that a worker took there
     double idle_seconds = 0;
+    double lock_wait_seconds = 0;
+    double lock_hold_seconds = 0;
   };
 
   /// A job gets more rays soon when its pusher was there so short a time ago.
@@ -112,20 +119,32 @@ class StoreTracer {
   Status plan_layout(const StoreShare& share);
   [[nodiscard]] bool sorts(std::span<const Ray> rays) const;
   [[nodiscard]] bool can_expand() const;
-  [[nodiscard]] bool waits_for_tree() const { return config_.layout == Layout::expanded && tree_ == nullptr; }
-  void expand_page(Worker& worker, std::unique_lock<std::mutex>& lock);
+  /// Whether the job's rays go to the expanded layout from now on, be it that they wait for it.
+  [[nodiscard]] bool takes_fresh(const TraceJob& job) const;
+  [[nodiscard]] bool has_fresh() const;
+  void run_fresh(Worker& worker, WorkLock& lock);
+  struct FreshAnswers {
+    KernelCounters kernel;
+    std::uint64_t hits = 0;     // rays with at least one
+    std::uint64_t counted = 0;  // crossings, where they are counted
+  };
+  FreshAnswers trace_fresh(Worker& worker, TraceJob& job, const FreshRays::Block& block);
+  static Result<bool> settle_fresh(const Worker& worker, TraceJob& job, const FreshRays::Block& block,
+                                   const FreshAnswers& answers);
+  void expand_page(Worker& worker, WorkLock& lock);
   void end_expansion(Result<std::unique_ptr<ExpandedTree>> tree);
+  [[nodiscard]] std::uint64_t expansion_bytes(const StoreShare& share) const;
   struct BatchCounters {
     KernelCounters kernel;
-    std::uint64_t rays_expanded = 0;
     bool corrupt = false;
   };
-  BatchCounters trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree, storage::PageId page,
-                            const std::byte* image);
-  void wait_for_work(std::unique_lock<std::mutex>& lock);
-  void handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock);
-  void run_batch(Worker& worker, storage::PageId page, std::unique_lock<std::mutex>& lock);
+  BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image,
+                            CrossingBuffer* crossings);
+  void wait_for_work(WorkLock& lock);
+  void handle_arrival(Worker& worker, WorkLock& lock);
+  void run_batch(Worker& worker, storage::PageId page, WorkLock& lock);
   [[nodiscard]] std::uint32_t batch_size(const TraceJob& job) const;
+  void take_crossings(TraceJob& job, std::span<const Crossing> crossings);
   Result<bool> settle(Worker& worker, TraceJob& job);
   [[nodiscard]] bool more_rays_come() const;
   [[nodiscard]] std::optional<storage::PageId> page_to_read();
@@ -148,6 +167,7 @@ class StoreTracer {
   storage::Ledger& ledger_;
   storage::BudgetReservation workers_claim_;
   storage::BudgetReservation order_claim_;  // empty: rays are taken as they come
+  storage::BudgetReservation fresh_claim_;  // empty: the store keeps its layout
   BudgetPlan plan_;
   std::unique_ptr<storage::PageCache> cache_;
   std::shared_ptr<FutureDemand> future_demand_;  // none: eviction does not ask for it

@@ -16,12 +16,6 @@ constexpr std::uint64_t kPlentyJobBytes = 32 << 20;
 // Sorting costs more than it brings where all that rays read stays in the caches.
 constexpr std::uint64_t kLeastSortedStore = 64 << 20;
 
-// A ray that begins: the expanded layout knows no other.
-bool begins(const RayState& ray, std::uint32_t root_node) {
-  return ray.level == 0 && ray.node == root_node && ray.resume == Resume::enter &&
-         (ray.stack.words[0] | ray.stack.words[1]) == 0;
-}
-
 }  // namespace
 
 // Plans what everything gets. Rays are sorted where they do not wait for pages, which bring those of a place together
@@ -47,10 +41,15 @@ Status StoreTracer::plan_memory(const StoreShare& share) {
   return {};
 }
 
+std::uint64_t StoreTracer::expansion_bytes(const StoreShare& share) const {
+  return StoreExpansion::bytes(*file_, share.threads) + share.threads * kFreshWorkerBytes +
+         share.max_jobs * FreshRays::bytes({share.threads, true, true});
+}
+
 // Plans the pages' budget, with what the expanded layout needs set aside where there is to be one.
 Status StoreTracer::plan_layout(const StoreShare& share) {
   const bool possible = config_.layout != Layout::compact && ExpandedTree::possible(*file_);
-  const std::uint64_t bytes = possible ? StoreExpansion::bytes(*file_, share.threads) : 0;
+  const std::uint64_t bytes = possible ? expansion_bytes(share) : 0;
   StoreShare rest = share;
   rest.bytes -= std::min(rest.bytes, bytes);
   const std::uint64_t least = least_share_bytes(*file_, share.threads, share.max_jobs);
@@ -77,6 +76,7 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
     return {};
   }
   RAYMILL_ASSIGN_OR_RETURN(expansion_, StoreExpansion::create(*file_, share.threads, ledger_));
+  RAYMILL_ASSIGN_OR_RETURN(fresh_claim_, ledger_.claim(storage::Tag::decode, share.threads * kFreshWorkerBytes));
   return {};
 }
 
@@ -89,7 +89,7 @@ bool StoreTracer::can_expand() const {
          (config_.layout == Layout::expanded || stats_.rays_at_root >= file_->footer().triangle_count);
 }
 
-void StoreTracer::expand_page(Worker& worker, std::unique_lock<std::mutex>& lock) {
+void StoreTracer::expand_page(Worker& worker, WorkLock& lock) {
   const storage::PageId page = expansion_->take();
   storage::PagePin pin = cache_->pin(worker.index);
   const std::byte* image = cache_->find(page);
@@ -130,28 +130,16 @@ void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
   work_wake_.notify_all();
 }
 
-// Runs worker.rays. `tree`: of rays that begin, where there is one.
-StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, const ExpandedTree* tree,
-                                                    storage::PageId page, const std::byte* image) {
-  BatchCounters counters;
-  const bool need_normal = has(job.config.fields, Field::normal);
+// Runs worker.rays.
+StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, storage::PageId page,
+                                                    const std::byte* image, CrossingBuffer* crossings) {
   std::span<RayState> rays = worker.rays;
-  if (tree != nullptr) {
-    const auto others = std::partition(rays.begin(), rays.end(),
-                                       [this](const RayState& ray) { return begins(ray, file_->footer().root_node); });
-    ExpandedContext context{.tree = tree->view(), .need_normal = need_normal, .packets = true, .counters = {}};
-    counters.rays_expanded = static_cast<std::uint64_t>(others - rays.begin());
-    job.expanded_kernel(context, rays.first(counters.rays_expanded));
-    counters.kernel = context.counters;
-    rays = rays.subspan(counters.rays_expanded);
-    if (rays.empty()) {
-      return counters;
-    }
-  }
   KernelContext context;
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
-  context.need_normal = need_normal;
+  context.need_normal = has(job.config.fields, Field::normal);
+  context.filter = job.hit_filter();
+  context.crossings = crossings;
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);
@@ -159,11 +147,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   if (worker.page_lane) {
     worker.page_lane->end_batch(index_of(page), cache_->touched());
   }
-  counters.kernel.nodes_visited += context.counters.nodes_visited;
-  counters.kernel.pages_entered += context.counters.pages_entered;
-  counters.kernel.triangles_tested += context.counters.triangles_tested;
-  counters.corrupt = context.corrupt;
-  return counters;
+  return {context.counters, context.corrupt};
 }
 
 }  // namespace raymill::traversal

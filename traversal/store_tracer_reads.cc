@@ -4,6 +4,7 @@
 
 #include "storage/pages/codec.h"
 #include "traversal/store_tracer.h"
+#include "traversal/store_tracer_worker.h"
 #include "traversal/trace_job.h"
 
 namespace raymill::traversal {
@@ -91,10 +92,12 @@ void StoreTracer::pump_reads() {
     stats_.depths += readings_.size();
     reader_->start(*page);
   }
-  spiller_->wake();
+  if (spiller_->may_have_work()) {
+    spiller_->wake();
+  }
 }
 
-void StoreTracer::handle_arrival(unsigned lane, storage::PageDecoder& decoder, std::unique_lock<std::mutex>& lock) {
+void StoreTracer::handle_arrival(Worker& worker, WorkLock& lock) {
   const storage::PageArrival arrival = std::move(arrivals_.back());
   arrivals_.pop_back();
   const auto of_page = [&](const Reading& r) { return r.lease.page == arrival.page; };
@@ -107,7 +110,7 @@ void StoreTracer::handle_arrival(unsigned lane, storage::PageDecoder& decoder, s
     status = file_->check_page(arrival.page, arrival.encoded);
   }
   if (status.ok()) {
-    if (const auto size = decoder.decode(arrival.encoded, lease.bytes); !size) {
+    if (const auto size = worker.decoder.decode(arrival.encoded, lease.bytes); !size) {
       status = file_->page_fault(arrival.page, size.status());
     }
   }
@@ -115,7 +118,7 @@ void StoreTracer::handle_arrival(unsigned lane, storage::PageDecoder& decoder, s
   reader_->release(arrival);
   if (config_.timeline) {
     config_.timeline->read(index_of(arrival.page), reading.begin, begin, encoded_bytes);
-    config_.timeline->span(lane, "decode", begin, "page", index_of(arrival.page));
+    config_.timeline->span(worker.index, "decode", begin, "page", index_of(arrival.page));
   }
   const double decode_seconds = std::chrono::duration<double>(Timeline::Clock::now() - begin).count();
   lock.lock();

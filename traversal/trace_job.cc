@@ -5,15 +5,31 @@
 
 namespace raymill::traversal {
 
+namespace {
+
+HitFilter filter_of(const TraceConfig& config) {
+  HitFilter filter{.skips = config.skips, .mask = config.mask, .geometry_masks = {}};
+  if (config.geometry_masks) {
+    filter.geometry_masks = *config.geometry_masks;
+  }
+  return filter;
+}
+
+}  // namespace
+
 TraceJob::TraceJob(Setup setup)
     : config(setup.config),
+      filter(filter_of(config)),
       kernel(setup.kernel),
       expanded_kernel(setup.expanded_kernel),
       kernel_name(std::move(setup.kernel_name)),
       most_in_flight(setup.most_in_flight),
       future_demand(std::move(setup.future_demand)),
+      crossings_claim(std::move(setup.crossings_claim)),
+      crossings(std::move(setup.crossings)),
       waiting(std::move(setup.waiting)),
-      window(std::move(setup.window)) {}
+      window(std::move(setup.window)),
+      fresh(std::move(setup.fresh)) {}
 
 bool TraceJob::valid(const Ray& ray) {
   bool zero = true;

@@ -9,7 +9,9 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "traversal/fresh_rays.h"
 #include "traversal/future_demand.h"
 #include "traversal/kernel.h"
 #include "traversal/result_window.h"
@@ -29,6 +31,9 @@ class TraceJob {
     std::string kernel_name;
     std::unique_ptr<WaitingRays> waiting;
     std::unique_ptr<ResultWindow> window;
+    std::unique_ptr<FreshRays> fresh;  ///< none: the store keeps its layout
+    storage::BudgetReservation crossings_claim;
+    std::vector<Crossing> crossings;
     std::uint64_t most_in_flight = 0;
     std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
   };
@@ -39,20 +44,29 @@ class TraceJob {
 
   // Set once.
   const TraceConfig config;
+  const HitFilter filter;  ///< of the config
+  [[nodiscard]] const HitFilter* hit_filter() const {
+    return filter.skips || !filter.geometry_masks.empty() ? &filter : nullptr;
+  }
   const Kernel kernel;
   const ExpandedKernel expanded_kernel;
   const std::string kernel_name;
   const std::uint64_t most_in_flight;
   const std::unique_ptr<FutureDemand::Share> future_demand;
 
+  const storage::BudgetReservation crossings_claim;
+  /// Hits that workers have not handed over yet, the same number for each; none where rays have no lists.
+  std::vector<Crossing> crossings;
+
   // Under the tracer's mutex.
   std::unique_ptr<WaitingRays> waiting;
   std::unique_ptr<ResultWindow> window;
-  Status status;                 ///< not ok: the job has ended early
-  bool finished = false;         ///< no more rays come
-  unsigned batches_out = 0;      ///< workers that hold rays of this job
-  bool push_blocked = false;     ///< push() waits until there is place for many
-  bool push_needs_room = false;  ///< push() waits until there is room for waiting rays
+  std::unique_ptr<FreshRays> fresh;  ///< none: rays go through pages
+  Status status;                     ///< not ok: the job has ended early
+  bool finished = false;             ///< no more rays come
+  unsigned batches_out = 0;          ///< workers that hold rays of this job
+  bool push_blocked = false;         ///< push() waits until there is place for many
+  bool push_needs_room = false;      ///< push() waits until there is room for waiting rays
   Clock::time_point last_push{};
   JobStats stats;
   std::uint64_t rays_pushed = 0;

@@ -21,19 +21,26 @@ constexpr std::size_t kSliceRays = 32 << 10;
 
 double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
 
-Status push_all(Job& job, const RaySource& source, double& seconds, Status& job_error) {
-  while (true) {
-    const auto begin = Clock::now();
-    const auto rays = source();
-    seconds += seconds_since(begin);
-    if (!rays) {
-      return rays.status();
-    }
-    job_error = rays->empty() ? job.finish() : job.push(*rays);
-    if (rays->empty() || !job_error.ok()) {
-      return {};
-    }
+// Pushes the next rays; false when there are no more. `job_error` is the job's, the returned one the sources'.
+Result<bool> push_some(Job& job, const RaySource& source, const ExtrasSource& extras, double& seconds,
+                       Status& job_error) {
+  const auto begin = Clock::now();
+  RAYMILL_ASSIGN_OR_RETURN(const auto rays, source());
+  RayExtras bring;
+  if (extras && !rays.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(bring, extras(rays.size()));
   }
+  seconds += seconds_since(begin);
+  job_error = rays.empty() ? job.finish() : extras ? job.push_with(rays, bring) : job.push(rays);
+  return !rays.empty() && job_error.ok();
+}
+
+Status push_all(Job& job, const RaySource& source, const ExtrasSource& extras, double& seconds, Status& job_error) {
+  Result<bool> more = true;
+  while (more && *more) {
+    more = push_some(job, source, extras, seconds, job_error);
+  }
+  return more.status();
 }
 
 // Watches for a signal and reports progress until it is stopped.
@@ -76,13 +83,13 @@ class Watcher {
 }  // namespace
 
 Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
-                 BatchTimes& times) {
+                 BatchTimes& times, const ExtrasSource& extras) {
   Status source_error, push_error, sink_error;
   double input_seconds = 0;
   {
     const Watcher watcher(job, observer);
     std::thread pusher([&] {
-      source_error = push_all(job, source, input_seconds, push_error);
+      source_error = push_all(job, source, extras, input_seconds, push_error);
       if (!source_error.ok()) {
         job.cancel();
       }
@@ -128,6 +135,7 @@ void RunStats::add(const JobStats& stats) {
   total_.rays += before.rays;
   total_.hits += before.hits;
   total_.invalid += before.invalid;
+  total_.crossings += before.crossings;
   total_.nodes_visited += before.nodes_visited;
   total_.triangles_tested += before.triangles_tested;
   total_.rays_expanded += before.rays_expanded;

@@ -16,6 +16,8 @@ namespace raymill::client {
 
 /// The next rays, which stay valid until the next call; an empty span at the end. Called from one thread.
 using RaySource = std::function<Result<std::span<const Ray>>()>;
+/// What the rays bring that the source gave last, so many; it stays valid as long. None: they bring nothing.
+using ExtrasSource = std::function<Result<RayExtras>(std::size_t)>;
 /// Takes the next rows, in the rays' order. Called from the thread of run_batch().
 using HitSink = std::function<Status(const HitChunk&)>;
 /// Called a few times a second while the batch runs, and once at its end; never from two threads at once.
@@ -29,7 +31,7 @@ struct BatchTimes {
 /// Returns when every ray is answered, or with the first error: the source's, the sink's, the job's, or interrupted
 /// when a signal came. After an error the job is cancelled.
 Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
-                 BatchTimes& times);
+                 BatchTimes& times, const ExtrasSource& extras = {});
 
 /// A source of rays that are all in memory already.
 RaySource source_of(std::span<const Ray> rays);

@@ -194,7 +194,7 @@ Result<NpyHeader> parse_npy_header(std::span<const std::byte> file) {
   return header;
 }
 
-std::string npy_header(const std::string& descr, std::uint64_t rows, std::uint64_t columns) {
+std::string npy_header(const std::string& descr, std::uint64_t rows, std::uint64_t columns, std::size_t least_bytes) {
   constexpr std::size_t kAlignment = 64;
   std::string second = columns == 0 ? "" : " ";
   second += columns == 0 ? "" : std::to_string(columns);
@@ -202,7 +202,7 @@ std::string npy_header(const std::string& descr, std::uint64_t rows, std::uint64
       "{'descr': " + descr + ", 'fortran_order': False, 'shape': (" + std::to_string(rows) + "," + second + "), }";
   // Spaces and one newline up to the alignment, counted with the preamble of 10 bytes.
   const std::size_t used = 10 + text.size() + 1;
-  text.append((used + kAlignment - 1) / kAlignment * kAlignment - used, ' ');
+  text.append(std::max((used + kAlignment - 1) / kAlignment * kAlignment, least_bytes) - used, ' ');
   text.push_back('\n');
   std::string header(kMagic);
   header.push_back(1);

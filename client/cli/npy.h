@@ -29,7 +29,8 @@ struct NpyHeader {
 Result<NpyHeader> parse_npy_header(std::span<const std::byte> file);
 
 /// A header of format 1.0 for `rows` C-ordered rows. `descr` is the value as Python source: "'<f4'" or "[('t', ...)]".
-/// `columns` 0 gives the shape (rows,). Its length is a multiple of 64.
-std::string npy_header(const std::string& descr, std::uint64_t rows, std::uint64_t columns);
+/// `columns` 0 gives the shape (rows,). Its length is a multiple of 64, and at least `least_bytes`, which is one.
+std::string npy_header(const std::string& descr, std::uint64_t rows, std::uint64_t columns,
+                       std::size_t least_bytes = 0);
 
 }  // namespace raymill::client

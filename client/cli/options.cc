@@ -13,7 +13,6 @@
 
 #include "client/cpp/raymill.h"
 #include "storage/base/atomic_file.h"
-#include "storage/base/quotes.h"
 
 namespace raymill::client {
 
@@ -133,16 +132,10 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
 }
 
 void QueryOptions::add_to(CLI::App& app) {
-  add_parsed(
-      app, "--query", config.query,
-      [](const std::string& text) -> Result<Query> {
-        if (text == "all" || text == "count") {
-          return Status(ErrorCode::unsupported,
-                        in_quotes(text) + " is not answered by this version; closest and any are");
-        }
-        return parse_query(text);
-      },
-      "closest: the nearest hit (default). any: whether there is one", "QUERY");
+  add_parsed(app, "--query", config.query, parse_query,
+             "closest: the nearest hit (default). any: whether there is one. count: how many crossings a ray has. all: "
+             "every crossing, in order",
+             "QUERY");
   add_parsed(
       app, "--mode", config.mode, parse_mode,
       "watertight: no ray passes between triangles that share an edge (default). fast: float32 only. exact: the hit "
@@ -150,18 +143,27 @@ void QueryOptions::add_to(CLI::App& app) {
       "MODE");
   add_parsed(app, "--fields", fields_, parse_fields,
              "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all. "
-             "Default: t,uv,primitive_id,geometry_id; for --query any: t",
+             "Default: t,uv,primitive_id,geometry_id; for --query any: t; for --query "
+             "count: count",
              "LIST");
 }
 
+void QueryOptions::add_lists_to(CLI::App& app) {
+  add_parsed(app, "--first", config.first, parse_count,
+             "With --query all: of each ray at most so many hits, the nearest", "K");
+}
+
 Status QueryOptions::resolve() {
-  if (config.query == Query::any) {
-    if (fields_ != Field::none && fields_ != Field::t) {
-      return {ErrorCode::invalid_argument, "--query any answers only t (0: hit, inf: none); leave --fields out"};
-    }
-    config.fields = Field::t;
-  } else {
-    config.fields = fields_ == Field::none ? kDefaultClosestFields : fields_;
+  if (config.first != 0 && config.query != Query::all) {
+    return {ErrorCode::invalid_argument, "--first is for --query all; closest gives the first hit"};
+  }
+  config.fields = answered_fields(config.query, fields_ == Field::none ? kDefaultClosestFields : fields_);
+  if (fields_ != Field::none && fields_ != config.fields) {
+    return {ErrorCode::invalid_argument, "--query " + std::string(to_string(config.query)) + " answers only " +
+                                             to_string(config.fields) + "; leave --fields out"};
+  }
+  if (has(config.fields, Field::count) && config.query != Query::count) {
+    return {ErrorCode::invalid_argument, "the field count is answered by --query count; leave it out of --fields"};
   }
   return {};
 }

@@ -75,6 +75,8 @@ struct QueryOptions {
   TraceConfig config;
 
   void add_to(CLI::App& app);
+  /// Of what only trace answers.
+  void add_lists_to(CLI::App& app);
   /// Fills in what was left out and refuses what does not go together.
   Status resolve();
 

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "client/cli/npy_rows.h"
 #include "storage/base/atomic_file.h"
 #include "storage/base/status.h"
 #include "traversal/query.h"
@@ -21,31 +22,24 @@ class RayFileReader {
  public:
   /// Checks header and file size. Errors: not_found, io, bad_rays (a sentence that says what was found).
   static Result<RayFileReader> open(const std::string& path);
-  RayFileReader(RayFileReader&& other) noexcept;
-  RayFileReader& operator=(RayFileReader&& other) noexcept;
-  ~RayFileReader();
 
-  [[nodiscard]] std::uint64_t count() const { return count_; }
+  [[nodiscard]] std::uint64_t count() const { return rows_.count(); }
   /// Leaves out the next `rays`, at most all that are left.
-  void skip(std::uint64_t rays) { next_ = rays < count_ - next_ ? next_ + rays : count_; }
+  void skip(std::uint64_t rays) { rows_.skip(rays); }
   /// The next ray is the first one again.
-  void rewind() { next_ = 0; }
+  void rewind() { rows_.rewind(); }
   /// What tells this file from another one of the same name: size and time of the last change.
-  [[nodiscard]] std::string identity() const;
+  [[nodiscard]] std::string identity() const { return rows_.identity(); }
   /// The next rays, at most rays.size(); returns how many, 0 at the end. Errors: io, bad_rays (the file shrank).
   Result<std::size_t> read(std::span<Ray> rays);
 
  private:
-  RayFileReader() = default;
+  RayFileReader(NpyRows rows, unsigned columns, unsigned value_bytes)
+      : rows_(std::move(rows)), columns_(columns), value_bytes_(value_bytes) {}
 
-  std::string path_;
-  int descriptor_ = -1;
-  std::uint64_t count_ = 0;
-  std::uint64_t next_ = 0;
-  std::uint64_t data_offset_ = 0;
-  unsigned columns_ = 0;
-  unsigned value_bytes_ = 0;
-  std::vector<std::byte> buffer_;
+  NpyRows rows_;
+  unsigned columns_;
+  unsigned value_bytes_;
 };
 
 /// Writes a (count, 8) float32 ray file. Thread-confined.

@@ -2,14 +2,19 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "client/cli/batch.h"
 #include "client/cli/hit_file.h"
+#include "client/cli/list_files.h"
 #include "client/cli/npy.h"
 #include "client/cli/options.h"
+#include "client/cli/ray_columns.h"
 #include "client/cli/ray_file.h"
 #include "client/cli/verbs.h"
+#include "storage/base/checksum.h"
 
 namespace raymill::client {
 
@@ -21,20 +26,86 @@ struct TraceOptions {
   std::string output;
   QueryOptions query;
   ServiceOptions service;
+  RayColumns::Paths columns;
+  std::string geometry_masks;
   std::string progress;
   bool json = false;
   bool resume = false;
 };
 
 // What the rows depend on: a part of the hits goes on only where all of it is the same.
-nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const StoreInfo& store) {
+nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const RayColumns& columns,
+                      const StoreInfo& store) {
+  const auto& masks = options.query.config.geometry_masks;
   return {{"rays", options.rays},
           {"rays_file", reader.identity()},
           {"ray_count", reader.count()},
+          {"columns", columns.identity()},
+          {"mask", options.query.config.mask},
+          {"geometry_masks", masks ? storage::checksum(std::as_bytes(std::span(*masks))) : 0},
           {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
           {"query", to_string(options.query.config.query)},
           {"mode", to_string(options.query.config.mode)},
           {"fields", static_cast<unsigned>(options.query.config.fields)}};
+}
+
+// Where the answers go: a file of rows, a row a ray, or files of lists.
+class Answers {
+ public:
+  // What is made before the engine.
+  Status create(const TraceOptions& options, std::uint64_t ray_count) {
+    const HitLayout layout(options.query.config.fields);
+    if (options.query.config.query == Query::all) {
+      if (options.resume) {
+        return {ErrorCode::invalid_argument, "--resume goes on with queries that have a row a ray; leave it out"};
+      }
+      RAYMILL_ASSIGN_OR_RETURN(ListFiles whole, ListFiles::create(options.output, layout, ray_count));
+      lists_.emplace(std::move(whole));
+    } else if (!options.resume) {
+      RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header_of(layout, ray_count)));
+      rows_.emplace(std::move(whole));
+    }
+    return {};
+  }
+  Status resume(const TraceOptions& options, std::uint64_t ray_count, const nlohmann::json& run) {
+    const HitLayout layout(options.query.config.fields);
+    RAYMILL_ASSIGN_OR_RETURN(HitFile part,
+                             HitFile::resume(options.output, header_of(layout, ray_count), layout.row_bytes(), run));
+    rays_done_ = part.rows_done();
+    rows_.emplace(std::move(part));
+    return {};
+  }
+
+  // Rays that are answered.
+  [[nodiscard]] std::uint64_t rays_done() const { return lists_ ? lists_->rays_done() : rays_done_; }
+  Status write(const HitChunk& chunk) {
+    if (lists_) {
+      return lists_->write(chunk);
+    }
+    rays_done_ += chunk.size();
+    return rows_->write(chunk.rows());
+  }
+  Status commit() { return lists_ ? lists_->commit() : rows_->commit(); }
+
+ private:
+  static std::string header_of(const HitLayout& layout, std::uint64_t ray_count) {
+    return npy_header(layout.numpy_descr(), ray_count, 0);
+  }
+  std::optional<HitFile> rows_;
+  std::optional<ListFiles> lists_;
+  std::uint64_t rays_done_ = 0;
+};
+
+// What the job is to be asked for besides.
+Status read_masks(TraceOptions& options) {
+  TraceConfig& config = options.query.config;
+  config.skips = !options.columns.skip.empty();
+  config.masks = !options.columns.masks.empty();
+  if (!options.geometry_masks.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(std::vector<std::uint32_t> masks, read_geometry_masks(options.geometry_masks));
+    config.geometry_masks = std::make_shared<const std::vector<std::uint32_t>>(std::move(masks));
+  }
+  return {};
 }
 
 Status run(TraceOptions& options) {
@@ -43,58 +114,66 @@ Status run(TraceOptions& options) {
   // Everything that needs memory comes before the engine, which counts what the process holds.
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
   std::vector<Ray> buffer(buffer_rays(options.service.memory));
-  const HitLayout layout(options.query.config.fields);
-  const std::string header = npy_header(layout.numpy_descr(), reader.count(), 0);
-  std::optional<HitFile> file;
-  if (!options.resume) {
-    RAYMILL_ASSIGN_OR_RETURN(HitFile whole, HitFile::create(options.output, header));
-    file.emplace(std::move(whole));
-  }
+  RAYMILL_ASSIGN_OR_RETURN(RayColumns columns, RayColumns::open(options.columns, reader.count(), buffer.size()));
+  RAYMILL_RETURN_IF_ERROR(read_masks(options));
+  Answers answers;
+  RAYMILL_RETURN_IF_ERROR(answers.create(options, reader.count()));
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
   if (options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
-    RAYMILL_ASSIGN_OR_RETURN(
-        HitFile part, HitFile::resume(options.output, header, layout.row_bytes(), run_of(options, reader, info)));
-    file.emplace(std::move(part));
-    reader.skip(file->rows_done());
+    RAYMILL_RETURN_IF_ERROR(answers.resume(options, reader.count(), run_of(options, reader, columns, info)));
+    reader.skip(answers.rays_done());
+    columns.skip(answers.rays_done());
   }
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open.store->trace(options.query.config));
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
-  std::uint64_t rows = file->rows_done();
-  const std::uint64_t rows_before = rows;
+  const std::uint64_t rays_before = answers.rays_done();
   BatchTimes times;
+  const bool brings = options.query.config.skips || options.query.config.masks;
   const Status status = run_batch(
       *job,
       [&]() -> Result<std::span<const Ray>> {
         RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(buffer));
         return std::span<const Ray>(buffer).first(count);
       },
-      [&](const HitChunk& chunk) {
-        rows += chunk.size();
-        return file->write(chunk.rows());
-      },
+      [&](const HitChunk& chunk) { return answers.write(chunk); },
       [&](const JobProgress& state) {
-        progress->report("trace", static_cast<double>(rows_before + state.rays_done) / total, state.rays_done, "rays",
+        progress->report("trace", static_cast<double>(rays_before + state.rays_done) / total, state.rays_done, "rays",
                          state.bytes_read);
       },
-      times);
+      times, brings ? [&columns](std::size_t rays) { return columns.read(rays); } : ExtrasSource());
   if (status.code() == ErrorCode::interrupted && options.resume) {
     return {status.code(),
             status.message() + "; " + options.output + ".part holds what is finished, repeat the command to go on"};
   }
   RAYMILL_RETURN_IF_ERROR(status);
-  if (rows != reader.count()) {
-    return {ErrorCode::internal,
-            "a bug of Raymill: " + std::to_string(rows) + " answers for " + std::to_string(reader.count()) + " rays"};
+  if (answers.rays_done() != reader.count()) {
+    return {ErrorCode::internal, "a bug of Raymill: " + std::to_string(answers.rays_done()) + " answers for " +
+                                     std::to_string(reader.count()) + " rays"};
   }
-  RAYMILL_RETURN_IF_ERROR(file->commit());
+  RAYMILL_RETURN_IF_ERROR(answers.commit());
   progress.reset();
   const JobStats stats = with_peak(job->stats(), options.service);
   const RunTimes run_times{open.open_seconds, times.input_seconds, times.output_seconds};
   RAYMILL_RETURN_IF_ERROR(write_stats(options.service, open, stats, run_times));
   return options.json ? print_json(stats_json(stats, run_times, options.service.memory, options.service.thread_count()))
                       : print(stats_text(stats));
+}
+
+// Options of what rays bring, and of what it is held against.
+void add_columns(CLI::App& verb, TraceOptions& options) {
+  verb.add_option("--skip", options.columns.skip,
+                  "A primitive for each ray that it passes through, as the surface that it leaves: .npy of uint32, "
+                  "shape (N, 2), geometry_id and primitive_id; 4294967295 for none")
+      ->type_name("IDS.npy");
+  verb.add_option("--geometry-masks", options.geometry_masks,
+                  "Masks of geometries: .npy of uint32, shape (G,). A triangle is a hit where a bit is set in its "
+                  "geometry's mask and in the ray's; geometries beyond G have all bits")
+      ->type_name("MASKS.npy");
+  verb.add_option("--mask", options.query.config.mask, "The mask of every ray. Default: all bits")->type_name("BITS");
+  verb.add_option("--ray-masks", options.columns.masks, "A mask for each ray, besides: .npy of uint32, shape (N,)")
+      ->type_name("MASKS.npy");
 }
 
 }  // namespace
@@ -108,8 +187,10 @@ Verb add_trace(CLI::App& app) {
       "dir\n"
       "are rounded to the nearest float32, tnear up and tfar down, so that a hit lies in the interval of the file.\n"
       "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
-      "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any "
-      "size.\n\n"
+      "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any size.\n"
+      "--query count: a plain .npy of N uint32; 4294967295 for an invalid ray. --query all: HITS.npy holds the hits "
+      "of\n"
+      "all rays, by t within a ray, and HITS.offsets.npy (N + 1 uint64) says where those of each begin and end.\n\n"
       "  raymill trace city.mill rays.npy -o hits.npy --memory 512M --stats run.json");
   verb->add_option("STORE", options->store, "The store; with --server its name there")->required()->type_name("X.mill");
   verb->add_option("RAYS", options->rays, "The rays")->required()->type_name("RAYS.npy");
@@ -117,7 +198,9 @@ Verb add_trace(CLI::App& app) {
   verb->add_flag("--resume", options->resume,
                  "Keep what is finished in HITS.npy.part when the run is stopped, and go on from there when it is "
                  "repeated");
+  add_columns(*verb, *options);
   options->query.add_to(*verb);
+  options->query.add_lists_to(*verb);
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);
   add_json_flag(*verb, options->json);

@@ -25,6 +25,11 @@ class FrameOwner final : public HitChunk::Owner {
 
 Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> context, const ClientConfig& config,
                                                 const JobRequest& request) {
+  if (request.trace.query == Query::all || request.trace.skips || request.trace.geometry_masks) {
+    return {ErrorCode::unsupported,
+            "a server answers neither the query all nor rays that skip primitives or have masks; trace them on this "
+            "machine, by an Engine or without --server"};
+  }
   std::unique_ptr<JobLink> link(new JobLink);
   Handlers handlers{.message = [raw = link.get()](ServerPacket&& packet) { raw->on_message(std::move(packet)); },
                     .lost = [raw = link.get()](const Status& status) { raw->end(status); }};

@@ -38,19 +38,39 @@ LoadedPages load_pages(const std::string& store_path) {
 
 LoadedPages load_pages(const Pages& pages) { return {pages.images, pages.rules, pages.plan.page_of[0], 0}; }
 
+namespace {
+
+// What stands in the record of a ray that waits.
+RecordLayout records_for(const KernelRun& run) {
+  if (run.query == Query::count || run.query == Query::all) {
+    return RecordLayout(Field::count);
+  }
+  const bool ties_need_corners = run.mode == Mode::exact && run.query == Query::closest;
+  return RecordLayout(Field::all, ties_need_corners ? KeptCorners::of_hit : KeptCorners::none);
+}
+
+}  // namespace
+
 KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const KernelRun& run) {
   const std::size_t page_count = pages.images.size();
   const auto images = std::make_unique<std::atomic<const std::byte*>[]>(page_count);
   const auto touched = std::make_unique<std::atomic<std::uint8_t>[]>(page_count);
   const unsigned bits = pages.rules.width * pages.rules.levels;
   const Kernel kernel = find_kernel(run.isa, {run.query, run.mode, pages.rules.width, run.wide_stack || bits > 64});
-  const bool ties_need_corners = run.mode == Mode::exact && run.query == Query::closest;
-  const RecordLayout records(Field::all, ties_need_corners ? KeptCorners::of_hit : KeptCorners::none);
+  const RecordLayout records = records_for(run);
   std::vector<std::byte> record(records.most_bytes());
   Random random(run.seed);
 
   KernelHits result;
   result.hits.resize(rays.size());
+  std::vector<Crossing> room(7);
+  CrossingBuffer crossings{.room = room,
+                           .take =
+                               [](void* owner, std::span<const Crossing> some) {
+                                 auto& all = *static_cast<std::vector<Crossing>*>(owner);
+                                 all.insert(all.end(), some.begin(), some.end());
+                               },
+                           .owner = &result.crossings};
   std::vector<RayState> waiting, together;
   for (std::size_t begin = 0; begin < rays.size(); begin += run.batch_rays) {
     waiting.clear();
@@ -80,6 +100,7 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
         images[page].store(there ? pages.images[page].data() : nullptr);
       }
       KernelContext context{images.get(), touched.get(), true, {}, false};
+      context.crossings = run.query == Query::all ? &crossings : nullptr;
       kernel(context, together);
       result.corrupt = result.corrupt || context.corrupt;
       result.counters.nodes_visited += context.counters.nodes_visited;
@@ -97,6 +118,7 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
       }
     }
   }
+  crossings.empty();
   return result;
 }
 

@@ -37,7 +37,8 @@ struct KernelRun {
   std::size_t batch_rays = 1;  ///< rays that the kernel is given at once
 };
 struct KernelHits {
-  std::vector<Hit> hits;
+  std::vector<Hit> hits;                       ///< of crossings, their count
+  std::vector<traversal::Crossing> crossings;  ///< of Query::all, in the order in which they were found
   traversal::KernelCounters counters;
   bool corrupt = false;
 };

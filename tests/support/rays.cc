@@ -106,7 +106,7 @@ std::string text_of(const Ray& ray) {
 
 bool same_bits(const Hit& a, const Hit& b) {
   bool equal = same(a.t, b.t) && same(a.u, b.u) && same(a.v, b.v) && a.primitive_id == b.primitive_id &&
-               a.geometry_id == b.geometry_id && a.instance_id == b.instance_id;
+               a.geometry_id == b.geometry_id && a.instance_id == b.instance_id && a.count == b.count;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     equal = equal && same(a.normal[axis], b.normal[axis]);
   }

@@ -44,17 +44,41 @@ Result<BuildReport> build_in_least_memory(const Scene& scene, BuildConfig& confi
   }
 }
 
-Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays) {
+namespace {
+
+// Appends a chunk of lists: the offsets of the rays that end in it.
+void append_lists(const HitChunk& chunk, Traced& traced) {
+  const auto offsets = chunk.offsets();
+  EXPECT_EQ(chunk.first_ray(), traced.offsets.size() - 1) << "the ray that went on, or the next one";
+  EXPECT_EQ(offsets.back(), chunk.size());
+  const std::uint64_t before = traced.hits.size() - chunk.size();
+  for (std::size_t i = 1; i + (chunk.goes_on() ? 1 : 0) < offsets.size(); ++i) {
+    traced.offsets.push_back(before + offsets[i]);
+  }
+  ++traced.pieces;
+}
+
+}  // namespace
+
+Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays, const RayExtras& extras) {
   Traced traced;
   const std::size_t piece = push_rays == 0 ? std::max<std::size_t>(rays.size(), 1) : push_rays;
   for (std::size_t i = 0; i < rays.size() && traced.status.ok(); i += piece) {
-    traced.status = job.push(rays.subspan(i, std::min(piece, rays.size() - i)));
+    const auto some = rays.subspan(i, std::min(piece, rays.size() - i));
+    const RayExtras bring{.skipped = extras.skipped.empty() ? extras.skipped : extras.skipped.subspan(i, some.size()),
+                          .masks = extras.masks.empty() ? extras.masks : extras.masks.subspan(i, some.size())};
+    const bool brings = !bring.skipped.empty() || !bring.masks.empty();
+    traced.status = brings ? job.push_with(some, bring) : job.push(some);
   }
   (void)job.finish();
+  traced.offsets.push_back(0);
   while (auto chunk = job.next()) {
-    EXPECT_EQ(chunk->first_ray(), traced.hits.size());
+    EXPECT_TRUE(!chunk->offsets().empty() || chunk->first_ray() == traced.hits.size());
     for (std::size_t i = 0; i < chunk->size(); ++i) {
       traced.hits.push_back(chunk->hit(i));
+    }
+    if (!chunk->offsets().empty()) {
+      append_lists(*chunk, traced);
     }
     traced.rows.append(reinterpret_cast<const char*>(chunk->rows().data()), chunk->rows().size());
   }
@@ -80,7 +104,7 @@ Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetu
     failed.status = job.status();
     return failed;
   }
-  return run_job(**job, rays, setup.push_rays);
+  return run_job(**job, rays, setup.push_rays, {.skipped = setup.skipped, .masks = setup.masks});
 }
 
 void set_least_memory(const std::string& path, EngineConfig& config) {

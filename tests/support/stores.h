@@ -38,20 +38,24 @@ struct TraceSetup {
   }
   EngineConfig engine;
   TraceConfig trace;
-  std::size_t push_rays = 0;  ///< rays of one push(); 0: all at once
+  std::size_t push_rays = 0;          ///< rays of one push(); 0: all at once
+  std::vector<PrimitiveIds> skipped;  ///< none, or one for each ray
+  std::vector<std::uint32_t> masks;   ///< none, or one for each ray
 };
 
 struct Traced {
   Status status;
   std::vector<Hit> hits;
-  std::string rows;  ///< as they stand in a hits file
+  std::vector<std::uint64_t> offsets;  ///< of lists: hits of ray i from offsets[i] to offsets[i + 1]
+  std::uint64_t pieces = 0;            ///< chunks that they came in
+  std::string rows;                    ///< as they stand in a hits file
   JobStats stats;
 };
 
 /// Runs all rays through a store by an engine of its own.
 Traced trace(const std::string& path, std::span<const Ray> rays, const TraceSetup& setup = {});
 /// Pushes, finishes and fetches on a job.
-Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays = 0);
+Traced run_job(Job& job, std::span<const Ray> rays, std::size_t push_rays = 0, const RayExtras& extras = {});
 
 /// The same with the least memory that an engine of this process gets along with, found in small steps.
 Traced trace_with_least_memory(const std::string& path, std::span<const Ray> rays, TraceSetup setup);

@@ -50,9 +50,11 @@ inline void prepare_exact_boxes(RayFrame& frame) {
 }
 
 /// The decision; `tfar_is_hit` as in ExactInterval.
-inline bool exact_decide(const RayFrame& frame, const Corners& corners, const ExactInterval& interval, Candidate& hit) {
+template <Query kQuery>
+bool exact_decide(const RayFrame& frame, const Corners& corners, const ExactInterval& interval, Candidate& hit) {
   ExactHit exact;
-  if (!exact_hit({frame.org, frame.dir}, corners, interval, exact)) {
+  constexpr auto* decide = kQuery == Query::all ? &exact_crossing : &exact_hit;
+  if (!decide({frame.org, frame.dir}, corners, interval, exact)) {
     return false;
   }
   hit = {exact.t, exact.u, exact.v};

@@ -33,11 +33,12 @@ struct alignas(64) ExpandedLane : ExpandedRay<kQuery, kMode> {
 template <int N, Query kQuery, Mode kMode>
 class ExpandedBatch {
  public:
-  ExpandedBatch(ExpandedContext& context, std::span<RayState> rays)
+  ExpandedBatch(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits)
       : context_(context),
         nodes_(static_cast<const ExpandedNode<N>*>(context.tree.nodes)),
         blocks_(context.tree.blocks),
-        rays_(rays) {}
+        rays_(rays),
+        hits_(hits) {}
 
   void run() {
     for (RayLane& lane : lanes_) {
@@ -65,13 +66,15 @@ class ExpandedBatch {
   using Lists = StepLists<RayLane, kLanes, kSteps>;
 
   void take_ray(RayLane* lane) {
-    while (taken_ < rays_.size() && rays_[taken_].done) {
+    // A packet that gave up leaves rays that have the hit they want.
+    while (kQuery == Query::any && taken_ < rays_.size() && is_hit(hits_[taken_])) {
       ++taken_;
     }
     if (taken_ == rays_.size()) {
       return;
     }
-    lane->begin(rays_[taken_++]);
+    lane->begin(rays_[taken_], hits_[taken_]);
+    ++taken_;
     lane->level = 0;
     lane->levels = 0;
     lane->nodes[0] = nodes_ + context_.tree.root;
@@ -125,7 +128,7 @@ class ExpandedBatch {
   }
 
   void decide_leaf(RayLane* lane) {
-    if (lane->decide_leaf(context_.need_normal)) {
+    if (lane->decide_leaf(context_)) {
       finish(lane);
     } else {
       now_->add(kAdvanceRay, lane);
@@ -142,14 +145,15 @@ class ExpandedBatch {
     next_->add(kReportRay, lane);
   }
   void report(RayLane* lane) {
-    lane->report();
+    lane->report_ids();
     take_ray(lane);
   }
 
   ExpandedContext& context_;
   const ExpandedNode<N>* const nodes_;
   const float* const blocks_;
-  const std::span<RayState> rays_;
+  const std::span<const Ray> rays_;
+  const std::span<Hit> hits_;
   std::size_t taken_ = 0;
   std::uint64_t nodes_visited_ = 0, triangles_tested_ = 0;
   std::array<Lists, 2> lists_;
@@ -158,28 +162,30 @@ class ExpandedBatch {
   std::array<RayLane, kLanes> lanes_;
 };
 
+// Each ray on its own.
 template <int N, Query kQuery, Mode kMode>
-void trace_expanded(ExpandedContext& context, std::span<RayState> rays) {
-  // Rays from `alone` on take turns.
-  const auto take_turns = [&context, rays](std::size_t alone, std::size_t end) {
-    if (alone < end) {
-      ExpandedBatch<N, kQuery, kMode>(context, rays.subspan(alone, end - alone)).run();
-    }
-  };
+void trace_alone(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits) {
+  if (!rays.empty()) {
+    ExpandedBatch<N, kQuery, kMode>(context, rays, hits).run();
+  }
+}
+
+template <int N, Query kQuery, Mode kMode>
+void trace_expanded(ExpandedContext& context, std::span<const Ray> rays, std::span<Hit> hits) {
   using Packet = ExpandedPacket<N, kQuery, kMode>;
-  std::size_t alone = 0;
+  std::size_t alone = 0;  // rays from here on
   bool tries_packets = context.packets;
   for (std::size_t at = 0; tries_packets && at + Packet::kRays <= rays.size(); at += Packet::kRays) {
     const auto together = rays.subspan(at).template first<Packet::kRays>();
     const PacketBounds bounds(together);
     if (bounds.coherent(context.tree.coherent_width)) {
-      take_turns(alone, at);
+      trace_alone<N, kQuery, kMode>(context, rays.subspan(alone, at - alone), hits.subspan(alone, at - alone));
       // Where one packet shares too little, so will the others of the batch.
-      tries_packets = Packet(context, together, bounds).run();
+      tries_packets = Packet(context, together, hits.subspan(at).template first<Packet::kRays>(), bounds).run();
       alone = tries_packets ? at + Packet::kRays : at;
     }
   }
-  take_turns(alone, rays.size());
+  trace_alone<N, kQuery, kMode>(context, rays.subspan(alone), hits.subspan(alone));
 }
 
 template <int N, Query kQuery>
@@ -194,10 +200,29 @@ ExpandedKernel select_expanded_mode(Mode mode) {
   }
 }
 
+// For crossings, whether they are listed or counted. A packet that gives up would find some again: rays go alone.
+template <int N>
+ExpandedKernel select_crossings_mode(Mode mode) {
+  switch (mode) {
+    case Mode::fast:
+      return &trace_alone<N, Query::all, Mode::fast>;
+    case Mode::exact:
+      return &trace_alone<N, Query::all, Mode::exact>;
+    default:
+      return &trace_alone<N, Query::all, Mode::watertight>;
+  }
+}
+
 template <int N>
 ExpandedKernel select_expanded_query(const KernelChoice& choice) {
-  return choice.query == Query::closest ? select_expanded_mode<N, Query::closest>(choice.mode)
-                                        : select_expanded_mode<N, Query::any>(choice.mode);
+  switch (choice.query) {
+    case Query::closest:
+      return select_expanded_mode<N, Query::closest>(choice.mode);
+    case Query::any:
+      return select_expanded_mode<N, Query::any>(choice.mode);
+    default:
+      return select_crossings_mode<N>(choice.mode);
+  }
 }
 
 inline ExpandedKernel select_expanded_kernel(const KernelChoice& choice) {

@@ -5,6 +5,7 @@
 // same rule for equal t.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <limits>
@@ -14,7 +15,6 @@
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/slot_order-inl.h"
 #include "traversal/kernels/triangle-inl.h"
-#include "traversal/ray_state.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
@@ -38,25 +38,32 @@ template <int N, Mode kMode>
   return less_equal(near, min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), far)) & node.valid;
 }
 
+// A hit has a finite t.
+inline bool is_hit(const Hit& hit) { return hit.t < std::numeric_limits<float>::infinity(); }
+
 template <Query kQuery, Mode kMode>
 struct ExpandedRay {
   RayFrame frame;
-  float tnear, tfar;
-  RayState* ray;
+  float tnear, tfar;  // tfar: of the best hit so far, else the ray's own
+  Hit* answer;        // the best so far; its ids as soon as they are reported
+  bool has_hit;
   LeafRows leaf;        // that is tested
   unsigned candidates;  // of its triangles
   Quotients quotients;  // of them, in mode fast
-  LeafRows hit_leaf;    // rows null: nothing was hit here; what was hit before stands in the ray
+  LeafRows hit_leaf;    // rows null: nothing was hit here; the ids of what was hit before stand in the answer
   std::uint32_t hit_triangle;
+  Corners hit_corners;  // in mode exact
 
-  void begin(RayState& from) {
-    ray = &from;
+  // `to`: a miss, or a hit that a packet left.
+  void begin(const Ray& from, Hit& to) {
+    answer = &to;
     frame = make_frame(from.org, from.dir);
     if constexpr (kMode == Mode::exact) {
       prepare_exact_boxes(frame);
     }
     tnear = from.tnear;
-    tfar = from.tfar;
+    has_hit = is_hit(to);
+    tfar = has_hit ? to.t : std::min(from.tfar, std::numeric_limits<float>::max());
     hit_leaf.rows = nullptr;
   }
 
@@ -71,23 +78,23 @@ struct ExpandedRay {
   }
 
   // True: no other hit is wanted.
-  bool decide_leaf(bool need_normal) {
+  bool decide_leaf(const ExpandedContext& context) {
     for (unsigned mask = candidates; mask != 0; mask &= mask - 1) {
       const int i = std::countr_zero(mask);
       const Corners corners = leaf.triangle(i);
       Candidate hit;
       if constexpr (kMode == Mode::watertight) {
-        if (!woop_decide(frame, corners, hit)) {
+        if (!woop_decide<kQuery>(frame, corners, hit)) {
           continue;
         }
       } else if constexpr (kMode == Mode::exact) {
-        if (!exact_decide(frame, corners, {tnear, tfar, ray->has_hit}, hit)) {
+        if (!exact_decide<kQuery>(frame, corners, {tnear, tfar, kQuery != Query::all && has_hit}, hit)) {
           continue;
         }
       } else {
         hit = {quotients.t[i], quotients.u[i], quotients.v[i]};
       }
-      if (offer(hit, corners, static_cast<std::uint32_t>(i), need_normal)) {
+      if (offer(hit, corners, static_cast<std::uint32_t>(i), context)) {
         return true;
       }
     }
@@ -97,57 +104,63 @@ struct ExpandedRay {
   // Where the ids of the hit stand.
   [[nodiscard]] const float* hit_ids() const { return hit_leaf.rows + kCornerRows * hit_leaf.count + hit_triangle; }
 
-  void report() {
-    keep();
-    ray->done = true;
-  }
-  // Puts what was found into the ray.
-  void keep() {
+  void report_ids() {
     if (hit_leaf.rows != nullptr) {
-      const Ids ids = ids_of(hit_leaf, hit_triangle);
-      ray->hit.geometry_id = ids.geometry;
-      ray->hit.primitive_id = ids.primitive;
+      const PrimitiveIds ids = ids_of(hit_leaf, hit_triangle);
+      answer->geometry_id = ids.geometry_id;
+      answer->primitive_id = ids.primitive_id;
     }
-    ray->tfar = tfar;
   }
 
  private:
-  struct Ids {
-    std::uint32_t geometry, primitive;
-    bool operator<(const Ids& other) const {
-      return geometry < other.geometry || (geometry == other.geometry && primitive < other.primitive);
-    }
-  };
-  static Ids ids_of(const LeafRows& leaf, std::uint32_t triangle) {
+  static PrimitiveIds ids_of(const LeafRows& leaf, std::uint32_t triangle) {
     const float* ids = leaf.rows + kCornerRows * leaf.count + triangle;
     return {std::bit_cast<std::uint32_t>(ids[leaf.count]), std::bit_cast<std::uint32_t>(ids[0])};
   }
 
-  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, bool need_normal) {
+  [[nodiscard]] std::size_t index_in(const ExpandedContext& context) const {
+    return static_cast<std::size_t>(answer - context.answers);
+  }
+  [[nodiscard]] bool drops(const ExpandedContext& context, const PrimitiveIds& ids) const {
+    const std::size_t index = index_in(context);
+    return context.filter->drops(context.extras.skipped.empty() ? PrimitiveIds() : context.extras.skipped[index],
+                                 context.extras.masks.empty() ? kAllMask : context.extras.masks[index], ids);
+  }
+
+  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, const ExpandedContext& context) {
     float t = 0;
     if (!place_hit<kMode>(frame, corners, hit, tnear, tfar, t)) {
       return false;
     }
+    if (context.filter != nullptr && drops(context, ids_of(leaf, triangle))) {
+      return false;
+    }
     if constexpr (kQuery == Query::any) {
-      ray->hit = {};
-      ray->hit.t = 0;
-      ray->has_hit = true;
+      answer->t = 0;
+      has_hit = true;
       return true;
+    } else if constexpr (kQuery == Query::all) {
+      ++answer->count;
+      if (context.crossings != nullptr) {
+        context.crossings->add(crossing_of(context.numbers[index_in(context)], t, hit, ids_of(leaf, triangle),
+                                           context.need_normal ? normal_of(corners) : std::array<float, 3>{}));
+      }
+      return false;
     } else {
-      if (t == tfar && ray->has_hit && !wins_tie(corners, triangle)) {
+      if (t == tfar && has_hit && !wins_tie(corners, triangle)) {
         return false;
       }
       tfar = t;
       hit_leaf = leaf;
       hit_triangle = triangle;
-      ray->has_hit = true;
-      ray->hit.t = t;
-      set_barycentrics(ray->hit, hit);
-      if (need_normal) {
-        ray->hit.normal = normal_of(corners);
+      has_hit = true;
+      answer->t = t;
+      set_barycentrics(*answer, hit);
+      if (context.need_normal) {
+        answer->normal = normal_of(corners);
       }
       if constexpr (kMode == Mode::exact) {
-        ray->corners = corners;
+        hit_corners = corners;
       }
       return false;
     }
@@ -156,13 +169,13 @@ struct ExpandedRay {
   // Against the best so far, at equal t: in mode exact by t before it was rounded, then by the ids.
   [[nodiscard]] bool wins_tie(const Corners& corners, std::uint32_t triangle) const {
     if constexpr (kMode == Mode::exact) {
-      const int order = exact_order({frame.org, frame.dir}, corners, ray->corners);
+      const int order = exact_order({frame.org, frame.dir}, corners, hit_corners);
       if (order != 0) {
         return order < 0;
       }
     }
-    const Ids best =
-        hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle) : Ids{ray->hit.geometry_id, ray->hit.primitive_id};
+    const PrimitiveIds best = hit_leaf.rows != nullptr ? ids_of(hit_leaf, hit_triangle)
+                                                       : PrimitiveIds{answer->geometry_id, answer->primitive_id};
     return ids_of(leaf, triangle) < best;
   }
 };

@@ -342,11 +342,12 @@ class Batch {
       const Corners corners = lane->leaf.triangle(i);
       Candidate hit;
       if constexpr (kMode == Mode::watertight) {
-        if (!woop_decide(lane->frame, corners, hit)) {
+        if (!woop_decide<kQuery>(lane->frame, corners, hit)) {
           continue;
         }
       } else if constexpr (kMode == Mode::exact) {
-        if (!exact_decide(lane->frame, corners, {lane->tnear, lane->tfar, lane->ray->has_hit}, hit)) {
+        const bool tfar_is_hit = kQuery != Query::all && lane->ray->has_hit;
+        if (!exact_decide<kQuery>(lane->frame, corners, {lane->tnear, lane->tfar, tfar_is_hit}, hit)) {
           continue;
         }
       } else {
@@ -368,13 +369,24 @@ class Batch {
       return false;
     }
     RayState& ray = *lane->ray;
+    const std::byte* image = lane->places[lane->level].image;
+    if (context_.filter != nullptr && context_.filter->drops(ray.skipped, ray.mask, ids_of(image, triangle))) {
+      return false;
+    }
     if constexpr (kQuery == Query::any) {
       ray.hit = {};
       ray.hit.t = 0;
       ray.has_hit = true;
       return true;
+    } else if constexpr (kQuery == Query::all) {
+      ray.has_hit = true;
+      ++ray.hit.count;
+      if (context_.crossings != nullptr) {
+        context_.crossings->add(crossing_of(ray.number, t, hit, ids_of(image, triangle),
+                                            context_.need_normal ? normal_of(corners) : std::array<float, 3>{}));
+      }
+      return false;
     } else {
-      const std::byte* image = lane->places[lane->level].image;
       if (t == lane->tfar && ray.has_hit && !wins_tie(lane, corners, triangle)) {
         return false;
       }
@@ -406,9 +418,13 @@ class Batch {
     return comes_before(lane->places[lane->level].image, triangle, lane->ray->hit);
   }
 
-  static bool comes_before(const std::byte* image, std::uint32_t triangle, const Hit& best) {
+  static PrimitiveIds ids_of(const std::byte* image, std::uint32_t triangle) {
     const PageView view(image);
-    const std::uint32_t geometry_id = view.geometry_id(triangle), primitive_id = view.primitive_ids()[triangle];
+    return {view.geometry_id(triangle), view.primitive_ids()[triangle]};
+  }
+
+  static bool comes_before(const std::byte* image, std::uint32_t triangle, const Hit& best) {
+    const auto [geometry_id, primitive_id] = ids_of(image, triangle);
     return geometry_id < best.geometry_id || (geometry_id == best.geometry_id && primitive_id < best.primitive_id);
   }
 
@@ -455,8 +471,12 @@ Kernel select_query(const KernelChoice& choice) {
                                         : select_mode<N, Wide, Query::any>(choice.mode);
 }
 
+// Query::all is the kernel for crossings, whether they are listed or counted; one width of the stack does for it.
 template <int N>
 Kernel select_stack(const KernelChoice& choice) {
+  if (choice.query == Query::all || choice.query == Query::count) {
+    return select_mode<N, true, Query::all>(choice.mode);
+  }
   return choice.wide_stack ? select_query<N, true>(choice) : select_query<N, false>(choice);
 }
 

@@ -26,16 +26,15 @@ constexpr std::size_t kPacketRays = 16;  // measured: speed.md
 
 /// What of a packet's rays stands in its box tests: the least and the greatest of each of their numbers.
 struct PacketBounds {
-  // As they stand in a ray: org, dir, tnear, tfar.
-  static constexpr std::size_t kDir = 3, kTnear = 6, kTfar = 7;
+  // As they stand in a ray: org, tnear, dir, tfar.
+  static constexpr std::size_t kTnear = 3, kDir = 4, kTfar = 7;
   alignas(32) std::array<float, 8> least, most;
 
-  explicit PacketBounds(std::span<const RayState, kPacketRays> rays) {
-    static_assert(offsetof(RayState, org) == 0 && offsetof(RayState, dir) == kDir * sizeof(float) &&
-                  offsetof(RayState, tnear) == kTnear * sizeof(float) &&
-                  offsetof(RayState, tfar) == kTfar * sizeof(float));
+  explicit PacketBounds(std::span<const Ray, kPacketRays> rays) {
+    static_assert(offsetof(Ray, org) == 0 && offsetof(Ray, dir) == kDir * sizeof(float) &&
+                  offsetof(Ray, tnear) == kTnear * sizeof(float) && offsetof(Ray, tfar) == kTfar * sizeof(float));
     Float8 low = Float8::load(rays[0].org.data()), high = low;
-    for (const RayState& ray : rays.template subspan<1>()) {
+    for (const Ray& ray : rays.template subspan<1>()) {
       const Float8 numbers = Float8::load(ray.org.data());
       low = min_keep(numbers, low);
       high = max_keep(numbers, high);
@@ -67,13 +66,15 @@ class ExpandedPacket {
  public:
   static constexpr std::size_t kRays = kPacketRays;
 
-  ExpandedPacket(ExpandedContext& context, std::span<RayState, kRays> rays, const PacketBounds& bounds)
+  ExpandedPacket(ExpandedContext& context, std::span<const Ray, kRays> rays, std::span<Hit, kRays> hits,
+                 const PacketBounds& bounds)
       : context_(context),
         nodes_(static_cast<const ExpandedNode<N>*>(context.tree.nodes)),
         blocks_(context.tree.blocks),
-        states_(rays),
+        rays_(rays),
+        hits_(hits),
         begin_(begin_of<kMode>(bounds.least[PacketBounds::kTnear])),
-        end_(end_of<kMode>(bounds.most[PacketBounds::kTfar])) {
+        end_(end_of<kMode>(std::min(bounds.most[PacketBounds::kTfar], std::numeric_limits<float>::max()))) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       // 1 / x falls where x rises, and rounding keeps that.
       const float least_dir = bounds.least[PacketBounds::kDir + axis],
@@ -90,7 +91,7 @@ class ExpandedPacket {
     }
   }
 
-  // False: the rays share too little. Those that are not done are to start anew, each on its own, with what they have.
+  // False: the rays share too little. They are to start anew, each on its own, with the hits that they have.
   bool run() {
     path_[0] = nodes_ + context_.tree.root;
     visit(0);
@@ -115,11 +116,9 @@ class ExpandedPacket {
         }
       }
     }
-    for (std::size_t i = 0; i < kRays; ++i) {
-      if (is_separate_) {
-        rays_[i].report();
-      } else {
-        states_[i].done = true;
+    if (is_separate_) {
+      for (auto& ray : separate_) {
+        ray.report_ids();
       }
     }
     return true;
@@ -131,19 +130,21 @@ class ExpandedPacket {
   // After so many leaves so many rays must have met each of them, in the mean.
   static constexpr unsigned kTriedLeaves = 8, kLeastShare = 2;
 
-  // Any-hit rays that have their hit are done; the others keep the best so far.
+  // Every hit stays but those of mode exact, of which more would have to be known than the answer holds.
   void give_up() {
     for (std::size_t i = 0; i < kRays; ++i) {
-      rays_[i].keep();
-      states_[i].done = kQuery == Query::any && states_[i].has_hit;
+      separate_[i].report_ids();
+      if (kMode == Mode::exact && kQuery == Query::closest) {
+        hits_[i] = {};
+      }
     }
   }
 
   // Everything counts in halves, and an axis that is not reliable for one ray gives no constraint for any
   // (exact-inl.h).
   void prepare_exact() {
-    for (const RayState& state : states_) {
-      RayFrame frame = make_frame(state.org, state.dir);
+    for (const Ray& ray : rays_) {
+      RayFrame frame = make_frame(ray.org, ray.dir);
       prepare_exact_boxes(frame);
       for (std::size_t axis = 0; axis < 3; ++axis) {
         most_rdir_[axis] = std::isnan(frame.rdir[axis]) ? frame.rdir[axis] : most_rdir_[axis];
@@ -158,8 +159,8 @@ class ExpandedPacket {
   // For the first leaf: what each ray meets boxes with.
   void separate() {
     for (std::size_t i = 0; i < kRays; ++i) {
-      auto& ray = rays_[i];
-      ray.begin(states_[i]);
+      auto& ray = separate_[i];
+      ray.begin(rays_[i], hits_[i]);
       begins_[i] = begin_of<kMode>(ray.tnear);
       ends_[i] = end_of<kMode>(ray.tfar);
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -230,14 +231,14 @@ class ExpandedPacket {
       for (unsigned mask = meet_box(node, slot, first); mask != 0; mask &= mask - 1) {
         ++rays_met_;
         const std::size_t i = first + static_cast<unsigned>(std::countr_zero(mask));
-        auto& ray = rays_[i];
+        auto& ray = separate_[i];
         ray.leaf = leaf;
         ray.filter_leaf();
         context_.counters.triangles_tested += leaf.count;
         if (ray.candidates == 0) {
           continue;
         }
-        const bool is_done = ray.decide_leaf(context_.need_normal);
+        const bool is_done = ray.decide_leaf(context_);
         // Nothing is before an end at -infinity.
         ends_[i] = is_done ? -std::numeric_limits<float>::infinity() : end_of<kMode>(ray.tfar);
         is_nearer = true;
@@ -251,7 +252,8 @@ class ExpandedPacket {
   ExpandedContext& context_;
   const ExpandedNode<N>* const nodes_;
   const float* const blocks_;
-  const std::span<RayState, kRays> states_;
+  const std::span<const Ray, kRays> rays_;
+  const std::span<Hit, kRays> hits_;
   unsigned octant_ = 0;
   unsigned leaves_met_ = 0, rays_met_ = 0;
   bool is_separate_ = false;  // the arrays below hold the rays
@@ -263,7 +265,7 @@ class ExpandedPacket {
   std::array<std::array<float, N>, kLevels> entries_;
   alignas(32) std::array<std::array<float, kRays>, 3> org_, rdir_;
   alignas(32) std::array<float, kRays> begins_, ends_;
-  std::array<ExpandedRay<kQuery, kMode>, kRays> rays_;
+  std::array<ExpandedRay<kQuery, kMode>, kRays> separate_;
 };
 
 }  // namespace raymill::traversal::RAYMILL_ISA

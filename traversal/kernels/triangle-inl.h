@@ -14,6 +14,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "traversal/crossing.h"
+#include "traversal/kernel.h"
 #include "traversal/query.h"
 #include "traversal/slab.h"
 
@@ -150,7 +152,9 @@ unsigned woop_filter(const RayFrame& ray, const Leaf& leaf, float tnear, float t
 
 // The decision. Corners minus org are exact or rounded once in float64; an edge shared by two triangles gives both the
 // same value with opposite sign, and a zero counts as inside for both, so nothing passes between them.
-inline bool woop_decide(const RayFrame& ray, const Corners& corners, Candidate& hit) {
+// Where crossings are asked for, one of them has the zero (crossing.h).
+template <Query kQuery>
+bool woop_decide(const RayFrame& ray, const Corners& corners, Candidate& hit) {
   const double dz = ray.dir[ray.kz];
   const double sx = ray.dir[ray.kx] / dz, sy = ray.dir[ray.ky] / dz, sz = 1.0 / dz;
   std::array<double, 3> x, y, z;
@@ -159,11 +163,22 @@ inline bool woop_decide(const RayFrame& ray, const Corners& corners, Candidate& 
     x[k] = double(corners[k][ray.kx]) - ray.org[ray.kx] - sx * z[k];
     y[k] = double(corners[k][ray.ky]) - ray.org[ray.ky] - sy * z[k];
   }
-  const double u = x[2] * y[1] - y[2] * x[1];
-  const double v = x[0] * y[2] - y[0] * x[2];
-  const double w = x[1] * y[0] - y[1] * x[0];
+  double u = x[2] * y[1] - y[2] * x[1];
+  double v = x[0] * y[2] - y[0] * x[2];
+  double w = x[1] * y[0] - y[1] * x[0];
   if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) {
     return false;
+  }
+  if constexpr (kQuery == Query::all) {
+    if (u == 0 || v == 0 || w == 0) [[unlikely]] {
+      EdgeFunctions edges{u, v, w};
+      if (!owns_crossing({x, y}, edges)) {
+        return false;
+      }
+      u = edges.u;
+      v = edges.v;
+      w = edges.w;
+    }
   }
   const double det = u + v + w;
   if (det == 0) {
@@ -234,6 +249,17 @@ inline std::array<float, 3> normal_of(const Corners& corners) {
     normal[axis] = length > 0 ? static_cast<float>(n[axis] / length) : 0.0F;
   }
   return normal;
+}
+
+inline Crossing crossing_of(std::uint32_t number, float t, const Candidate& hit, const PrimitiveIds& ids,
+                            const std::array<float, 3>& normal) {
+  Crossing crossing{number, {}};
+  crossing.hit.t = t;
+  set_barycentrics(crossing.hit, hit);
+  crossing.hit.geometry_id = ids.geometry_id;
+  crossing.hit.primitive_id = ids.primitive_id;
+  crossing.hit.normal = normal;
+  return crossing;
 }
 
 struct Interval {

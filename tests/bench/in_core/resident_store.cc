@@ -52,33 +52,22 @@ void ResidentStore::begin(std::span<const Ray> rays, std::vector<RayState>& stat
   }
 }
 
-namespace {
-
-// Batch by batch, as the engine does.
-template <typename TraceBatch>
-void in_batches(std::size_t batch_rays, std::span<const Ray> rays, std::span<Hit> hits, TraceBatch&& trace_batch) {
-  std::vector<RayState> batch;
-  for (std::size_t first = 0; first < rays.size(); first += batch_rays) {
-    const std::size_t count = std::min(batch_rays, rays.size() - first);
-    trace_batch(rays.subspan(first, count), batch);
-    for (std::size_t i = 0; i < count; ++i) {
-      hits[first + i] = batch[i].has_hit ? batch[i].hit : Hit{};
-    }
-  }
-}
-
-}  // namespace
-
 Result<traversal::KernelCounters> ResidentStore::trace(const Run& run, std::span<const Ray> rays,
                                                        std::span<Hit> hits) const {
   const traversal::Kernel traces = kernel(run);
   traversal::KernelContext context;
   context.images = cache_->images();
   context.touched = cache_->touched();
-  in_batches(run.batch_rays, rays, hits, [&](std::span<const Ray> some, std::vector<RayState>& batch) {
-    begin(some, batch);
+  // Batch by batch, as the engine does.
+  std::vector<RayState> batch;
+  for (std::size_t first = 0; first < rays.size(); first += run.batch_rays) {
+    const std::size_t count = std::min(run.batch_rays, rays.size() - first);
+    begin(rays.subspan(first, count), batch);
     traces(context, batch);
-  });
+    for (std::size_t i = 0; i < count; ++i) {
+      hits[first + i] = batch[i].has_hit ? batch[i].hit : Hit{};
+    }
+  }
   if (context.corrupt) {
     return {ErrorCode::corrupt, file_->path() + ": has pages whose references do not fit each other"};
   }
@@ -90,10 +79,11 @@ Result<traversal::KernelCounters> ResidentStore::trace_expanded(const Run& run, 
   const auto traces = find_expanded_kernel(run.isa, {run.query, run.mode, width()});
   traversal::ExpandedContext context;
   context.tree = expanded_->view();
-  in_batches(run.batch_rays, rays, hits, [&](std::span<const Ray> some, std::vector<RayState>& batch) {
-    begin(some, batch);
-    traces(context, batch);
-  });
+  std::fill(hits.begin(), hits.end(), Hit{});
+  for (std::size_t first = 0; first < rays.size(); first += run.batch_rays) {
+    const std::size_t count = std::min(run.batch_rays, rays.size() - first);
+    traces(context, rays.subspan(first, count), hits.subspan(first, count));
+  }
   return context.counters;
 }
 

@@ -208,7 +208,9 @@ int main(int argc, char** argv) {
   app.add_option("--rays", options.rays, "In all, a part of them for each mesh")->capture_default_str();
   app.add_option("--scenes", options.scenes, "Folder of the scenes: the dragon too");
   app.add_option("--mesh", options.mesh, "This mesh alone")->type_name("NAME");
-  app.add_option("--query", options.query, "closest or any")->capture_default_str();
+  app.add_option("--query", options.query, "closest or any")
+      ->check(CLI::IsMember({"closest", "any"}))
+      ->capture_default_str();
   app.add_option("--positions", options.positions, "Of the stores, as 'raymill build' takes it")->capture_default_str();
   app.add_option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
   app.add_option("--threads", options.threads, "0: one for each core")->capture_default_str();

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
 #include "tests/support/stores.h"
@@ -14,7 +16,8 @@ using storage::StoreFile;
 
 // What a tracer with this plan and `jobs` jobs of the largest kind claims, piece by piece.
 std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsigned jobs) {
-  const std::uint64_t job = job_bytes(plan_job(plan, store.page_count(), HitLayout(Field::all)));
+  const std::uint64_t job = std::max(job_bytes(plan_job(plan, store.page_count(), {.fields = Field::all})),
+                                     job_bytes(plan_job(plan, store.page_count(), {Field::all, true, 0})));
   return std::uint64_t(plan.frame_count) * store.header().page_bytes +
          storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
          storage::page_reader_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
@@ -75,11 +78,10 @@ TEST(JobPlan, GrowsWithItsBytesAndNeverPassesThem) {
   BudgetPlan plan;
   plan.group_pages = 10;
   plan.extent_bytes = 64 << 10;
-  for (const Field fields : {Field::t, Field::all}) {
-    const HitLayout row(fields);
+  for (const RowsAsked& rows : {RowsAsked{Field::t}, {Field::all}, {Field::t, true}, {Field::all, true}}) {
     std::uint64_t last = 0;
     for (plan.job_bytes = mebibytes(2); plan.job_bytes < gibibytes(8); plan.job_bytes += plan.job_bytes / 3) {
-      const JobPlan job = plan_job(plan, 1000, row);
+      const JobPlan job = plan_job(plan, 1000, rows);
       EXPECT_LE(job_bytes(job), plan.job_bytes);
       EXPECT_GE(job.waiting.pool_chunks, last) << "more memory, not fewer rays";
       EXPECT_GE(job.window.blocks, ResultWindow::kMinBlocks);

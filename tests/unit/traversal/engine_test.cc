@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "storage/pages/store_format.h"
+#include "tests/support/effort.h"
 #include "tests/support/rays.h"
 #include "tests/support/stores.h"
 
@@ -187,7 +188,7 @@ TEST_F(EngineTest, CancelHalfWayEndsTheJobAndFreesItsPlace) {
 TEST_F(EngineTest, JobsDroppedAtAnyTimeLeaveTheStoreUsable) {
   const auto engine_ = engine();
   const auto store = *engine_->open(path_);
-  for (std::size_t i = 0; i < 20; ++i) {
+  for (std::size_t i = 0; i < (tests::kSanitized ? 8 : 20); ++i) {
     auto job = *store->trace({});
     EXPECT_TRUE(job->push(std::span(rays_).first(i * 400)).ok());
     if (i % 2 == 0) {

@@ -10,7 +10,7 @@ namespace raymill {
 namespace {
 
 TEST(Query, NamesAreParsedBack) {
-  for (const Query query : {Query::closest, Query::any}) {
+  for (const Query query : {Query::closest, Query::any, Query::count, Query::all}) {
     EXPECT_EQ(*parse_query(to_string(query)), query);
   }
   for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
@@ -34,6 +34,7 @@ TEST(Fields, ShortNamesStandForSeveral) {
   EXPECT_EQ(*parse_fields("u"), Field::uv);
   EXPECT_EQ(*parse_fields("t,v"), Field::t | Field::uv);
   EXPECT_EQ(*parse_fields("t,t"), Field::t);
+  EXPECT_EQ(*parse_fields("count"), Field::count);
 }
 
 TEST(Fields, UnknownAndEmptyAreRefusedByName) {
@@ -52,6 +53,8 @@ TEST(HitLayout, RowsHoldTheAskedFieldsInOrder) {
   EXPECT_EQ(HitLayout(kDefaultClosestFields).row_bytes(), 4u + 8 + 8);
   EXPECT_EQ(HitLayout(Field::all).row_bytes(), 36u);
   EXPECT_EQ(HitLayout(Field::t | Field::primitive_id).numpy_descr(), "[('t', '<f4'), ('primitive_id', '<u4')]");
+  EXPECT_EQ(HitLayout(Field::count).row_bytes(), 4u);
+  EXPECT_EQ(HitLayout(Field::count).numpy_descr(), "'<u4'");
   EXPECT_EQ(HitLayout(Field::uv | Field::normal).numpy_descr(),
             "[('u', '<f4'), ('v', '<f4'), ('normal', '<f4', (3,))]");
   std::vector<std::byte> row(8);

@@ -78,6 +78,28 @@ TEST(RecordLayout, CornersOfTheHitComeBackWhereTheyAreKept) {
   }
 }
 
+TEST(RecordLayout, CountSkippedPrimitiveAndMaskComeBackWhereTheyAreKept) {
+  tests::Random random(6);
+  RayState ray = ray_at(8, 16, random), back;
+  ray.tnear = 0.5F;
+  ray.has_hit = true;
+  ray.hit.count = 0x01020304;
+  ray.skipped = {7, 8};
+  ray.mask = 0x50;
+  for (const KeptExtras kept : {KeptExtras{}, {true, false}, {false, true}, {true, true}}) {
+    const RecordLayout layout(Field::count, KeptCorners::none, kept);
+    std::vector<std::byte> record(layout.most_bytes());
+    const std::size_t bytes = layout.pack(ray, record.data());
+    EXPECT_EQ(bytes, layout.bytes(record.data()));
+    layout.unpack(record.data(), back);
+    EXPECT_EQ(back.hit.count, ray.hit.count);
+    EXPECT_EQ(back.skipped, kept.skipped ? ray.skipped : PrimitiveIds());
+    EXPECT_EQ(back.mask, kept.mask ? ray.mask : kAllMask);
+    EXPECT_EQ(back.tnear, ray.tnear);
+    EXPECT_EQ(back.stack.words, ray.stack.words);
+  }
+}
+
 TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   RayState ray;
   const RecordLayout layout(Field::t | Field::ids);
@@ -92,6 +114,11 @@ TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   EXPECT_EQ(RecordLayout(Field::none, KeptCorners::of_hit).bytes(ray), 78u) << "in mode exact, the hit's corners";
   ray.has_hit = false;
   EXPECT_EQ(RecordLayout(Field::none, KeptCorners::of_hit).bytes(ray), 42u);
+  EXPECT_EQ(RecordLayout(Field::count).bytes(ray), 42u) << "nothing is counted yet";
+  EXPECT_EQ(RecordLayout(Field::none, KeptCorners::none, {.skipped = true}).bytes(ray), 50u);
+  EXPECT_EQ(RecordLayout(Field::none, KeptCorners::none, {.mask = true}).bytes(ray), 46u);
+  ray.has_hit = true;
+  EXPECT_EQ(RecordLayout(Field::count).bytes(ray), 46u);
 }
 
 }  // namespace

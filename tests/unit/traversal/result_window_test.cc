@@ -96,6 +96,40 @@ class ResultWindowTest : public testing::Test {
   std::uint64_t chunks_ = 0;
 };
 
+TEST_F(ResultWindowTest, EntriesOfManyRaysJoinThoseThatCameOneByOne) {
+  for (const std::uint32_t blocks : {50U, 3U}) {  // in memory; most of them on disk
+    make(blocks);
+    rays_.clear();
+    pushed_ = delivered_ = 0;
+    chunks_ = 0;
+    while (pushed_ < 3 * window_->chunk_rays() && push()) {
+    }
+    close();
+    ASSERT_EQ(pushed_, 3 * window_->chunk_rays());
+    const std::size_t entry_bytes = window_->entry_bytes();
+    for (std::uint32_t chunk = 0; chunk < 3; ++chunk) {
+      const std::uint32_t first = chunk * window_->chunk_rays();
+      // The first ray alone, the others together, the last of them first.
+      std::vector<std::byte> entries;
+      for (std::uint32_t i = window_->chunk_rays() - 1; i > 0; --i) {
+        Hit hit;
+        hit.t = float(first + i);
+        hit.primitive_id = first + i + 1000;
+        entries.resize(entries.size() + entry_bytes);
+        window_->write_entry(rays_[first + i].number, hit, entries.data() + entries.size() - entry_bytes);
+      }
+      Hit hit;
+      hit.t = float(first);
+      hit.primitive_id = first + 1000;
+      EXPECT_FALSE(*window_->complete(rays_[first].number, hit));
+      EXPECT_TRUE(*window_->complete_all(rays_[first + 1].number, entries)) << "the chunk is done";
+    }
+    fetch_all();
+    EXPECT_EQ(delivered_, pushed_);
+    EXPECT_EQ(window_->spilled_bytes() > 0, blocks == 3);
+  }
+}
+
 TEST_F(ResultWindowTest, ChunksComeInTheOrderOfTheRaysWhateverTheOrderOfTheirEnd) {
   make(50);
   for (int i = 0; i < 40; ++i) {

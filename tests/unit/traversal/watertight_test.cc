@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tests/support/brute_force.h"
+#include "tests/support/effort.h"
 #include "tests/support/kernel_harness.h"
 #include "tests/support/rays.h"
 #include "tests/support/stores.h"
@@ -48,6 +49,9 @@ TEST(Watertight, NoRayLeavesASphereThroughItsEdgesAndVertices) {
     const float radius = center.y == 1e7F ? 1000.0F : 2.0F;
     const Mesh mesh = sphere(center, radius, 16, 28);
     for (const unsigned width : {4u, 8u}) {
+      if (tests::kSanitized && (width == 4) != (center.x == 148376)) {
+        continue;
+      }
       const LoadedPages loaded = load_pages(build_pages({mesh}, width));
       for (int i = 0; i < 3; ++i) {
         const Vec3f d = random.direction();

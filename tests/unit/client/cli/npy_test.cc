@@ -66,6 +66,17 @@ TEST(NpyHeader, RefusesWhatBreaksTheFormat) {
   }
 }
 
+TEST(NpyHeader, IsAsLongAsItHasToBe) {
+  const std::string longest = npy_header("'<f4'", ~std::uint64_t{0}, 0);
+  const std::string filled = npy_header("'<f4'", 7, 0, longest.size());
+  EXPECT_EQ(filled.size(), longest.size());
+  EXPECT_EQ(npy_header("'<f4'", 7, 0, 192).size(), 192u);
+  const auto header = parse(npy_header("'<f4'", 7, 0, 192));
+  ASSERT_TRUE(header) << header.status().message();
+  EXPECT_EQ(header->shape, std::vector<std::uint64_t>{7});
+  EXPECT_EQ(header->data_offset, 192u);
+}
+
 TEST(NpyHeader, LengthIsNotTrusted) {
   std::string file = file_of("{}", 2);
   file[8] = file[9] = file[10] = file[11] = '\xFF';
