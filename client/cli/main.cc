@@ -102,11 +102,11 @@ int run(int argc, char** argv) {
   app.footer(kFooter);
   app.require_subcommand(1);
   app.set_version_flag("--version", "raymill " RAYMILL_VERSION);
-  std::vector<Verb> verbs = {raymill::client::add_build(app),  raymill::client::add_info(app),
-                             raymill::client::add_verify(app), raymill::client::add_inspect(app),
-                             raymill::client::add_trace(app),  raymill::client::add_render(app),
-                             raymill::client::add_serve(app),  raymill::client::add_generate(app),
-                             raymill::client::add_rays(app),   raymill::client::add_bench(app)};
+  std::vector<Verb> verbs = {
+      raymill::client::add_build(app),   raymill::client::add_info(app),     raymill::client::add_verify(app),
+      raymill::client::add_inspect(app), raymill::client::add_trace(app),    raymill::client::add_render(app),
+      raymill::client::add_serve(app),   raymill::client::add_generate(app), raymill::client::add_rays(app),
+      raymill::client::add_bench(app),   raymill::client::add_accuracy(app)};
   for (Verb& verb : raymill::client::add_job_verbs(app)) {
     verbs.push_back(std::move(verb));
   }

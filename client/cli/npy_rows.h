@@ -31,6 +31,8 @@ class NpyRows {
   [[nodiscard]] std::uint64_t count() const { return header_.shape[0]; }
   /// Leaves out the next `rows`, at most all that are left.
   void skip(std::uint64_t rows) { next_ = rows < count() - next_ ? next_ + rows : count(); }
+  /// The next row is the first one again.
+  void rewind() { next_ = 0; }
   /// What tells this file from another one of the same name: size and time of the last change.
   [[nodiscard]] std::string identity() const;
   /// Whole rows, at most `rows` and what the buffer holds, until the next call; empty at the end. Errors: io, bad_rays

@@ -17,6 +17,17 @@
 namespace raymill::client {
 
 void ServiceOptions::add_to(CLI::App& app) {
+  add_tracing_to(app);
+  app.add_option("--trace", timeline_path,
+                 "Write a timeline of reads, decoding and workers to this file; ui.perfetto.dev opens it")
+      ->type_name("FILE.json");
+  app.add_option("--page-trace", page_trace_path,
+                 "Write which pages rays enter and which are read and evicted to this file (traversal/page_trace.h)")
+      ->type_name("FILE");
+  app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
+}
+
+void ServiceOptions::add_tracing_to(CLI::App& app) {
   add_parsed(app, "--memory", memory, parse_bytes,
              "Limit of the whole process: bytes, or with K, M, G, T (powers of 1024). Default 2G", "SIZE");
   app.add_option("--threads", threads, "Threads that trace; 0: one for each core")
@@ -57,41 +68,33 @@ void ServiceOptions::add_to(CLI::App& app) {
                "For tests: every ray suspends at every node, and a page is evicted when a batch has run there");
   add_io_option(app, io);
   app.add_option("--server", server, "Trace on this server instead (ipc://PATH or tcp://HOST:PORT)")->type_name("ADDR");
-  app.add_option("--trace", timeline_path,
-                 "Write a timeline of reads, decoding and workers to this file; ui.perfetto.dev opens it")
-      ->type_name("FILE.json");
-  app.add_option("--page-trace", page_trace_path,
-                 "Write which pages rays enter and which are read and evicted to this file (traversal/page_trace.h)")
-      ->type_name("FILE");
   app.add_option(
          "--temp", temporary_folder,
          "Folder for rays and results that do not fit in memory (up to 50 bytes for each ray in flight). Default: "
          "TMPDIR, else beside the output")
       ->type_name("DIR");
-  app.add_option("--stats", stats_path, "Write figures of the run to this file as JSON")->type_name("FILE");
 }
 
 unsigned ServiceOptions::thread_count() const {
   return threads > 0 ? threads : std::max(1U, std::thread::hardware_concurrency());
 }
 
-namespace {
-
 // Beside the output is room for large files; /tmp is memory on many machines.
 std::string folder_for_temporaries(const ServiceOptions& options, const std::string& output) {
-  if (!options.temporary_folder.empty() || std::getenv("TMPDIR") != nullptr) {
+  if (!options.temporary_folder.empty()) {
     return options.temporary_folder;
+  }
+  if (const char* folder = std::getenv("TMPDIR"); folder != nullptr && *folder != '\0') {
+    return folder;
   }
   std::error_code error;
   const auto status = std::filesystem::status(output, error);
   if (output.empty() || (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))) {
-    return {};  // a pipe, or /dev/null
+    return "/tmp";  // a pipe, or /dev/null
   }
   const std::filesystem::path folder = std::filesystem::path(output).parent_path();
   return folder.empty() ? "." : folder.string();
 }
-
-}  // namespace
 
 Result<OpenStore> open_store(const ServiceOptions& options, const std::string& name, const std::string& output) {
   const auto begin = std::chrono::steady_clock::now();

@@ -46,10 +46,17 @@ struct ServiceOptions {
   std::string page_trace_path;
   std::string temporary_folder;  ///< of what does not fit in memory; empty: TMPDIR, else beside the output
 
+  /// Where and how rays are traced, and what is recorded of it.
   void add_to(CLI::App& app);
+  /// Without what is recorded, for verbs that open stores several times.
+  void add_tracing_to(CLI::App& app);
   /// `threads`, with 0 resolved to this machine's cores.
   [[nodiscard]] unsigned thread_count() const;
 };
+
+/// Where what does not fit in memory goes: --temp, TMPDIR, beside `output` (if it is or will be a plain file), else
+/// /tmp.
+std::string folder_for_temporaries(const ServiceOptions& options, const std::string& output);
 
 /// An open store, the service that serves it, and how long opening took.
 struct OpenStore {

@@ -26,6 +26,8 @@ class RayFileReader {
   [[nodiscard]] std::uint64_t count() const { return rows_.count(); }
   /// Leaves out the next `rays`, at most all that are left.
   void skip(std::uint64_t rays) { rows_.skip(rays); }
+  /// The next ray is the first one again.
+  void rewind() { rows_.rewind(); }
   /// What tells this file from another one of the same name: size and time of the last change.
   [[nodiscard]] std::string identity() const { return rows_.identity(); }
   /// The next rays, at most rays.size(); returns how many, 0 at the end. Errors: io, bad_rays (the file shrank).

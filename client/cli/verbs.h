@@ -27,6 +27,7 @@ Verb add_render(CLI::App& app);
 Verb add_rays(CLI::App& app);
 Verb add_generate(CLI::App& app);
 Verb add_bench(CLI::App& app);
+Verb add_accuracy(CLI::App& app);
 Verb add_serve(CLI::App& app);
 /// submit, status, wait, fetch, cancel, jobs.
 std::vector<Verb> add_job_verbs(CLI::App& app);

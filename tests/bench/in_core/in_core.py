@@ -6,7 +6,8 @@ A scene is a file, or KIND:TRIANGLES as `raymill generate` makes it. Primary and
 shuffled, ask for the closest hit; shadow and ambient occlusion rays, the latter in order and shuffled, for any. Primary
 and shadow rays are called coherent, and Embree's packets and streams are told so. Files in --work are named by what
 they hold and used again. Prints a table of million rays a second (raymill-in-core, main.cc), then geometric means of
-ratios: how often our best is the peer's rate. With --single only Embree's single rays stand beside ours.
+ratios: how often our best is the peer's rate. With --single only Embree's single rays stand beside ours. With --modes
+what watertight and exact cost: the time of each layout's kernel against mode fast, within a repetition; no Embree.
 """
 
 import argparse
@@ -27,6 +28,7 @@ TRACERS = ["expanded", "sort+expanded", "compact", "sort+compact", "engine", "em
            "embree-stream"]
 OURS = ["expanded", "sort+expanded", "compact", "sort+compact"]
 SINGLE, SORTED, PACKETS = ["embree1"], ["sort+embree1"], ["embree16", "embree-stream"]
+MODES = [f"{layout}/{mode}" for layout in ("expanded", "compact") for mode in ("watertight", "exact")]
 # What is set beside our best: name, whose kinds, which peers.
 MEANS = [("incoherent closest / embree1", ["bounce-shuffled"], SINGLE),
          ("incoherent closest / sort+embree1", ["bounce-shuffled"], SORTED),
@@ -62,8 +64,9 @@ class InCore:
         """The line of one file of rays."""
         options = self.options
         words = [options.bench, scene, store, self.rays(store, kind), "--query", query, "--mode", options.mode,
-                 "--repeat", str(options.repeat), "--engine", "--sort"]
-        words += ["--all-calls"] if not options.single else []
+                 "--repeat", str(options.repeat)]
+        words += ["--modes", "--no-embree"] if options.modes else ["--engine", "--sort"]
+        words += ["--all-calls"] if not options.single and not options.modes else []
         words += ["--coherent"] if kind in COHERENT else []
         done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False)
         if done.returncode not in (0, 1):
@@ -88,11 +91,17 @@ class InCore:
                     self.lines.append(line)
                     table.row(scene.stem[:14], kind, *(self.rate(line, tracer) for tracer in TRACERS))
         for name, kinds, peers in MEANS:
-            ratios = [self.best(line, OURS) / self.best(line, peers) for line in self.lines
-                      if line["kind"] in kinds and any(peer in line["tracers"] for peer in peers)]
-            if ratios:
-                mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-                print(f"{name}: {mean:.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
+            self.mean(name, [self.best(line, OURS) / self.best(line, peers) for line in self.lines
+                             if line["kind"] in kinds and any(peer in line["tracers"] for peer in peers)])
+        for tracer in MODES:
+            self.mean(f"time of {tracer} / fast", [line["tracers"][tracer]["kernel_ratio"]["median"]
+                                                   for line in self.lines if tracer in line["tracers"]])
+
+    @staticmethod
+    def mean(name, ratios):
+        if ratios:
+            mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+            print(f"{name}: {mean:.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
 
     @staticmethod
     def rate(line, tracer):
@@ -114,10 +123,12 @@ def parse():
     options.add_argument("--mode", default="watertight", help="watertight, fast or exact (%(default)s)")
     options.add_argument("--repeat", default=5, type=int, help="(%(default)s)")
     options.add_argument("--single", action="store_true", help="leave out Embree's packets and streams")
+    options.add_argument("--modes", action="store_true", help="what the modes cost, fast first, without Embree")
     options.add_argument("--short", action="store_true", help="the form that ctest runs")
     options = options.parse_args()
     if options.short:
         options.scenes, options.rays, options.repeat = "terrain:20k,city:20k", "20k", 1
+    options.mode = "fast" if options.modes else options.mode
     if options.work:
         options.work.mkdir(parents=True, exist_ok=True)
     return options

@@ -1,13 +1,14 @@
 // raymill-in-core: rays per second with every page in memory, beside Embree on the same rays.
 //
-//   raymill-in-core SCENE STORE RAYS.npy... [--query any] [--mode fast] [--all-calls] [--sort] [--engine]
+//   raymill-in-core SCENE STORE RAYS.npy... [--query any] [--mode fast] [--modes] [--all-calls] [--sort] [--engine]
 //
 // One thread each. A repetition runs the kernels, Embree's single rays and what else the options name, one after the
 // other. The engine, whose worker runs beside the caller who pushes and fetches, is measured by the clock on the wall,
 // all others by their thread's CPU time; where rays are sorted, that is part of the time. Rays are read and hits are
-// written by all. A ratio, of the kernels' rate to another's, is taken within a repetition; its median, least and most
-// are printed, one line of JSON for each file. Exit codes: 0; 1 hits of ours differ, or Embree's in more of the rays
-// than --most-different; 2 it could not be run.
+// written by all. A ratio, of the kernels' rate to another's, is taken within a repetition (with --modes, of a kernel's
+// rate in --mode to its rate in the others: what they cost); its median, least and most are printed, one line of JSON
+// for each file. Exit codes: 0; 1 hits of ours differ, or Embree's in more of the rays than --most-different; 2 it
+// could not be run.
 #include <time.h>
 
 #include <CLI/CLI.hpp>
@@ -53,7 +54,7 @@ struct Options {
   std::string query = "closest", mode = "watertight", isa;
   unsigned repeat = 7;
   std::size_t batch_rays = 512;
-  bool engine = false, no_embree = false, all_calls = false, coherent = false, sort = false;
+  bool engine = false, no_embree = false, all_calls = false, coherent = false, sort = false, modes = false;
   double most_different = 1e-3;
   std::size_t most_rays = std::numeric_limits<std::size_t>::max();
 };
@@ -80,6 +81,7 @@ struct Tracer {
   std::string name;
   bool is_ours = false;
   bool by_wall_clock = false;
+  std::size_t base = 0;  // the tracer, this one or one before, that ratios are to
   std::function<Status(std::span<const Ray>, std::span<Hit>)> trace;
 };
 
@@ -131,7 +133,7 @@ Result<std::vector<Ray>> read_rays(const std::string& path, std::size_t most) {
 struct Measured {
   std::vector<Hit> hits;
   std::vector<double> rates;   // million rays a second
-  std::vector<double> ratios;  // of the first tracer's rate to this one's
+  std::vector<double> ratios;  // of the base's rate to this one's
 };
 
 // Every tracer once, one after the other; that as often as `repeat`.
@@ -147,7 +149,7 @@ Result<std::vector<Measured>> measure(const std::vector<Tracer>& tracers, const 
       const double seconds = tracers[i].by_wall_clock ? seconds_of<WallClock>(work) : seconds_of<ThreadClock>(work);
       RAYMILL_RETURN_IF_ERROR(status);
       its.rates.push_back(static_cast<double>(rays.size()) / 1e6 / seconds);
-      its.ratios.push_back(measured[0].rates.back() / its.rates.back());
+      its.ratios.push_back(measured[tracers[i].base].rates.back() / its.rates.back());
     }
   }
   return measured;
@@ -209,6 +211,28 @@ Result<Scene> load(const Options& options) {
   return scene;
 }
 
+// The kernels of both layouts in the other modes. Their hits are not the first's to the bit.
+void add_other_modes(std::vector<Tracer>& tracers, const Scene& scene) {
+  for (const Mode mode : {Mode::fast, Mode::watertight, Mode::exact}) {
+    if (mode == scene.run.mode) {
+      continue;
+    }
+    ResidentStore::Run other = scene.run;
+    other.mode = mode;
+    for (const bool is_expanded : {true, false}) {
+      const std::string layout = is_expanded ? "expanded" : "compact";
+      const auto base =
+          std::find_if(tracers.begin(), tracers.end(), [&](const Tracer& tracer) { return tracer.name == layout; });
+      tracers.push_back({.name = layout + "/" + std::string(to_string(mode)),
+                         .base = static_cast<std::size_t>(base - tracers.begin()),
+                         .trace = [&scene, other, is_expanded](std::span<const Ray> rays, std::span<Hit> hits) {
+                           return is_expanded ? scene.store.trace_expanded(other, rays, hits).status()
+                                              : scene.store.trace(other, rays, hits).status();
+                         }});
+    }
+  }
+}
+
 // The kernels for the expanded layout come first: the others' ratios are to them.
 std::vector<Tracer> tracers_of(const Scene& scene, const Options& options, traversal::KernelCounters& counters) {
   std::vector<Tracer> tracers;
@@ -229,6 +253,9 @@ std::vector<Tracer> tracers_of(const Scene& scene, const Options& options, trave
   add("compact", true, true, [&](std::span<const Ray> rays, std::span<Hit> hits) {
     return scene.store.trace(scene.run, rays, hits).status();
   });
+  if (options.modes) {
+    add_other_modes(tracers, scene);
+  }
   if (scene.embree) {
     constexpr std::pair<const char*, EmbreeCall> kCalls[] = {{"embree1", EmbreeCall::single},
                                                              {"embree8", EmbreeCall::packet8},
@@ -299,6 +326,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
   app.add_option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
+  app.add_flag("--modes", options.modes, "The kernels in the other modes too: what they cost");
   app.add_flag("--engine", options.engine, "Trace by the engine too");
   app.add_flag("--all-calls", options.all_calls, "Embree's packets of 8 and 16 and its streams too");
   app.add_flag("--coherent", options.coherent, "Tell Embree's packets and streams that the rays are coherent");
