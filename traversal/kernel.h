@@ -96,7 +96,6 @@ struct KernelChoice {
   Query query = Query::closest;
   Mode mode = Mode::watertight;
   unsigned width = 8;
-  bool wide_stack = true;  ///< 128 bits; 64 suffice where width x levels <= 64; the expanded layout knows no stack
 };
 
 enum class Isa : std::uint8_t { scalar, avx2, avx512 };

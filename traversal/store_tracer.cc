@@ -124,12 +124,11 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   setup.config.fields = answered_fields(config.query, config.fields);
   RAYMILL_RETURN_IF_ERROR(check(setup.config));
   const storage::PageRules rules = file_->rules();
-  const bool is_crossings = config.query == Query::count || config.query == Query::all;
-  const KernelChoice choice{config.query, config.mode, rules.width, rules.width * rules.levels > 64 || is_crossings};
+  const KernelChoice choice{config.query, config.mode, rules.width};
   setup.kernel = find_kernel(config_.isa, choice);
   setup.expanded_kernel = find_expanded_kernel(config_.isa, choice);
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
-                      (choice.wide_stack ? "128" : "64") + "/" + std::string(to_string(config.mode)) + "/" +
+                      std::to_string(storage::kBitstackBits) + "/" + std::string(to_string(config.mode)) + "/" +
                       std::string(to_string(config_.isa));
   if (future_demand_) {
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);

@@ -37,7 +37,7 @@ void run_rays(const std::byte* image, const PageRules& rules) {
         ray.dir = {0.01F, -0.0F, 1};
         ray.tfar = std::numeric_limits<float>::max();
         traversal::KernelContext context{images, touched, true, {}, false};
-        traversal::find_kernel(isa, {query, mode, rules.width, rules.width * rules.levels > 64})(context, {&ray, 1});
+        traversal::find_kernel(isa, {query, mode, rules.width})(context, {&ray, 1});
         // The one page is there, so nothing is left to wait for.
         if (!ray.done) {
           std::abort();

@@ -55,8 +55,7 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
   const std::size_t page_count = pages.images.size();
   const auto images = std::make_unique<std::atomic<const std::byte*>[]>(page_count);
   const auto touched = std::make_unique<std::atomic<std::uint8_t>[]>(page_count);
-  const unsigned bits = pages.rules.width * pages.rules.levels;
-  const Kernel kernel = find_kernel(run.isa, {run.query, run.mode, pages.rules.width, run.wide_stack || bits > 64});
+  const Kernel kernel = find_kernel(run.isa, {run.query, run.mode, pages.rules.width});
   const RecordLayout records = records_for(run);
   std::vector<std::byte> record(records.most_bytes());
   Random random(run.seed);

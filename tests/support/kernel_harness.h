@@ -33,7 +33,6 @@ struct KernelRun {
   Mode mode = Mode::watertight;
   Residency residency = Residency::all;
   std::uint64_t seed = 1;
-  bool wide_stack = true;      ///< the 128-bit bitstack even where 64 bits suffice
   std::size_t batch_rays = 1;  ///< rays that the kernel is given at once
 };
 struct KernelHits {

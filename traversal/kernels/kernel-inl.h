@@ -64,7 +64,7 @@ inline void prefetch(const void* address) { __builtin_prefetch(address); }
 /// What a ray does next. The first six wait a round for their memory; the last two are of the same round.
 enum Step : unsigned { kVisit, kFetch, kFollow, kFilter, kEnter, kReport, kDecide, kAdvance, kStepCount };
 
-template <int N, bool Wide, Query kQuery, Mode kMode>
+template <int N, Query kQuery, Mode kMode>
 class Batch {
  public:
   Batch(KernelContext& context, std::span<RayState> rays) : context_(context), rays_(rays) {}
@@ -99,7 +99,7 @@ class Batch {
   static constexpr unsigned kLanes = 24;  // measured: speed.md
   static constexpr std::uint32_t kCornersBytes = 3 * sizeof(std::uint16_t);
   static constexpr std::uint32_t kLineBytes = 64;  // neither a node nor a leaf's indices lie in more than two lines
-  using RayLane = Lane<N, Wide>;
+  using RayLane = Lane<N>;
   using Lists = StepLists<RayLane, kLanes, kStepCount>;
 
   // A ray that is not done begins where it waited.
@@ -448,40 +448,37 @@ class Batch {
   std::array<RayLane, kLanes> lanes_;
 };
 
-template <int N, bool Wide, Query kQuery, Mode kMode>
+template <int N, Query kQuery, Mode kMode>
 void trace_batch(KernelContext& context, std::span<RayState> rays) {
-  Batch<N, Wide, kQuery, kMode>(context, rays).run();
+  Batch<N, kQuery, kMode>(context, rays).run();
 }
 
-template <int N, bool Wide, Query kQuery>
+template <int N, Query kQuery>
 Kernel select_mode(Mode mode) {
   switch (mode) {
     case Mode::fast:
-      return &trace_batch<N, Wide, kQuery, Mode::fast>;
+      return &trace_batch<N, kQuery, Mode::fast>;
     case Mode::exact:
-      return &trace_batch<N, Wide, kQuery, Mode::exact>;
+      return &trace_batch<N, kQuery, Mode::exact>;
     default:
-      return &trace_batch<N, Wide, kQuery, Mode::watertight>;
+      return &trace_batch<N, kQuery, Mode::watertight>;
   }
 }
 
-template <int N, bool Wide>
-Kernel select_query(const KernelChoice& choice) {
-  return choice.query == Query::closest ? select_mode<N, Wide, Query::closest>(choice.mode)
-                                        : select_mode<N, Wide, Query::any>(choice.mode);
-}
-
-// Query::all is the kernel for crossings, whether they are listed or counted; one width of the stack does for it.
 template <int N>
-Kernel select_stack(const KernelChoice& choice) {
-  if (choice.query == Query::all || choice.query == Query::count) {
-    return select_mode<N, true, Query::all>(choice.mode);
+Kernel select_query(const KernelChoice& choice) {
+  switch (choice.query) {
+    case Query::closest:
+      return select_mode<N, Query::closest>(choice.mode);
+    case Query::any:
+      return select_mode<N, Query::any>(choice.mode);
+    default:  // crossings, whether they are listed or counted
+      return select_mode<N, Query::all>(choice.mode);
   }
-  return choice.wide_stack ? select_query<N, true>(choice) : select_query<N, false>(choice);
 }
 
 inline Kernel select_kernel(const KernelChoice& choice) {
-  return choice.width == 8 ? select_stack<8>(choice) : select_stack<4>(choice);
+  return choice.width == 8 ? select_query<8>(choice) : select_query<4>(choice);
 }
 
 }  // namespace raymill::traversal::RAYMILL_ISA

@@ -39,9 +39,9 @@ struct alignas(32) Place {
   }
 };
 
-template <int N, bool Wide>
+template <int N>
 struct alignas(64) Lane {
-  static constexpr unsigned kLevels = (Wide ? 128 : 64) / N;
+  static constexpr unsigned kLevels = storage::kBitstackBits / N;
 
   RayFrame frame;
   float tnear, tfar;

@@ -36,7 +36,7 @@ Result<ResidentStore> ResidentStore::load(const std::string& path) {
 
 traversal::Kernel ResidentStore::kernel(const Run& run) const {
   const storage::PageRules rules = file_->rules();
-  return find_kernel(run.isa, {run.query, run.mode, rules.width, rules.width * rules.levels > 64});
+  return find_kernel(run.isa, {run.query, run.mode, rules.width});
 }
 
 void ResidentStore::begin(std::span<const Ray> rays, std::vector<RayState>& states) const {
