@@ -142,9 +142,16 @@ JobPlan plan_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t pag
   return job;
 }
 
-// A plan with one job that has so many chunks.
+// The most that a job with so many chunks claims, whatever it answers: the smaller its rows, the more rays are in
+// flight and the larger are their tables.
 std::uint64_t job_bytes_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count) {
-  return job_bytes(plan_for(chunks, plan, page_count, {.fields = Field::all}));
+  std::uint64_t most = 0;
+  for (std::uint32_t fields = 1; fields <= std::uint32_t(Field::all | Field::count); ++fields) {
+    for (const bool lists : {false, true}) {
+      most = std::max(most, job_bytes(plan_for(chunks, plan, page_count, {.fields = Field(fields), .lists = lists})));
+    }
+  }
+  return most;
 }
 
 }  // namespace

@@ -16,8 +16,12 @@ using storage::StoreFile;
 
 // What a tracer with this plan and `jobs` jobs of the largest kind claims, piece by piece.
 std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsigned jobs) {
-  const std::uint64_t job = std::max(job_bytes(plan_job(plan, store.page_count(), {.fields = Field::all})),
-                                     job_bytes(plan_job(plan, store.page_count(), {Field::all, true, 0})));
+  std::uint64_t job = 0;
+  for (const Field fields : {Field::all, Field::t, Field::count, Field::ids, kDefaultClosestFields, Field::normal}) {
+    for (const bool lists : {false, true}) {
+      job = std::max(job, job_bytes(plan_job(plan, store.page_count(), {.fields = fields, .lists = lists})));
+    }
+  }
   return std::uint64_t(plan.frame_count) * store.header().page_bytes +
          storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
          storage::page_reader_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
