@@ -94,6 +94,17 @@ def run_json(*command):
     return json.loads(run(*command).stdout)
 
 
+def scene(raymill, folder, name):
+    """The scene's file: `name` itself, or KIND:TRIANGLES, made in `folder` unless it is there."""
+    if ":" not in name:
+        return pathlib.Path(name)
+    kind, triangles = name.split(":")
+    path = folder / f"{kind}-{triangles}.gltf"
+    if not path.exists():
+        run(raymill, "generate", kind, "--triangles", triangles, "-o", path)
+    return path
+
+
 def sha256(path):
     digest = hashlib.sha256()
     with open(path, "rb") as file:

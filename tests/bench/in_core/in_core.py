@@ -43,15 +43,6 @@ class InCore:
         self.options, self.folder = options, folder
         self.lines, self.problems = [], []
 
-    def scene(self, name):
-        if ":" not in name:
-            return pathlib.Path(name)
-        kind, triangles = name.split(":")
-        path = self.folder / f"{kind}-{triangles}.gltf"
-        if not path.exists():
-            support.run(self.options.raymill, "generate", kind, "--triangles", triangles, "-o", path)
-        return path
-
     def rays(self, store, kind):
         path = self.folder / f"{store.stem}-{kind}-{self.options.rays}.npy"
         if not path.exists():
@@ -81,7 +72,7 @@ class InCore:
     def run(self):
         table = support.Table(scene=14, rays=16, **{name: max(6, len(name)) for name in TRACERS})
         for name in self.options.scenes.split(","):
-            scene = self.scene(name)
+            scene = support.scene(self.options.raymill, self.folder, name)
             store = self.folder / f"{scene.stem}.mill"
             if not store.exists():
                 support.run(self.options.raymill, "build", scene, "-o", store)

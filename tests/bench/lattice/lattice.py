@@ -28,15 +28,6 @@ class Lattice:
         self.options, self.folder = options, folder
         self.lines, self.problems = [], []
 
-    def scene(self, name):
-        if ":" not in name:
-            return pathlib.Path(name)
-        kind, triangles = name.split(":")
-        path = self.folder / f"{kind}-{triangles}.gltf"
-        if not path.exists():
-            support.run(self.options.raymill, "generate", kind, "--triangles", triangles, "-o", path)
-        return path
-
     def store(self, scene, positions):
         """The store's path and the report of its build, which stands beside it."""
         path = self.folder / f"{scene.stem}-{positions.replace(':', '-')}.mill"
@@ -70,7 +61,7 @@ class Lattice:
         table = support.Table(scene=14, positions=12, **{"B/tri": 7, "displacement": 12, "Mrays/s": 8, "hit/miss": 9,
                                                          "primitive": 9, "max t error": 11})
         for name in self.options.scenes.split(","):
-            for line in self.measure(self.scene(name), positions):
+            for line in self.measure(support.scene(self.options.raymill, self.folder, name), positions):
                 self.lines.append(line)
                 table.row(line["scene"][:14], line["lattice"], f"{line['store_bytes_per_triangle']:.2f}",
                           f"{line['max_displacement']:.3g}", f"{line['mrays_per_second']['median']:.3f}",

@@ -26,15 +26,6 @@ class Seed:
         self.options, self.folder = options, folder
         self.lines, self.problems = [], []
 
-    def scene(self, name):
-        if ":" not in name:
-            return pathlib.Path(name)
-        kind, triangles = name.split(":")
-        path = self.folder / f"{kind}-{triangles}.gltf"
-        if not path.exists():
-            support.run(self.options.raymill, "generate", kind, "--triangles", triangles, "-o", path)
-        return path
-
     def store(self, scene):
         path = self.folder / f"{scene.stem}.mill"
         if not path.exists():
@@ -61,7 +52,7 @@ class Seed:
 
     def run(self):
         for name in self.options.scenes.split(","):
-            store = self.store(self.scene(name))
+            store = self.store(support.scene(self.options.raymill, self.folder, name))
             for kind in KINDS:
                 self.measure(store, kind)
         self.print_overheads()
