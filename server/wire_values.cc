@@ -138,6 +138,8 @@ pb::StoreDescription to_wire(const StoreInfo& info) {
   wire.set_codec(utf8_or_question_marks(info.codec));
   wire.set_width(info.width);
   wire.set_positions(utf8_or_question_marks(info.positions));
+  wire.set_instances(info.instances);
+  wire.set_objects(info.objects);
   return wire;
 }
 
@@ -162,6 +164,8 @@ StoreInfo from_wire(const pb::StoreDescription& wire, std::string_view metadata)
   info.codec = wire.codec();
   info.width = wire.width();
   info.positions = wire.positions();
+  info.instances = wire.instances();
+  info.objects = wire.objects();
   info.metadata_json = metadata;
   return info;
 }

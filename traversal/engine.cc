@@ -64,9 +64,12 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::triangles, "triangles");
   feature(storage::Feature::geometry_ids, "geometry_ids");
   feature(storage::Feature::lattice, "lattice");
+  feature(storage::Feature::instances, "instances");
   info.bounds_min = footer.bounds_min;
   info.bounds_max = footer.bounds_max;
   info.triangles = footer.triangle_count;
+  info.instances = footer.instance_count;
+  info.objects = footer.object_count;
   info.nodes = footer.node_count;
   info.pages = footer.page_count;
   info.geometries = footer.geometry_count;

@@ -8,7 +8,8 @@
 // (storage/FORMAT.md, "Escape table"), so what was added is taken away again without anything being kept for the ray.
 //
 // Counted are one ray in kSampling, by its number: the counts steer nothing but the choice of a victim. Boxes beyond
-// the hit so far are counted too. Thread-safe: counts are atomic and lag by the batches under way.
+// the hit so far are counted too. A ray in an object, or on its way out of one, is not: where it waits no page says
+// what is pending above the instance. Thread-safe: counts are atomic and lag by the batches under way.
 #pragma once
 
 #include <array>
@@ -59,7 +60,9 @@ void for_each_pending_page(const std::byte* image, std::uint32_t page, std::uint
       if (ray.has_hit && beyond_hit(n, slot, ray)) {
         continue;
       }
-      const std::uint32_t there = (n.external >> slot & 1) != 0 ? externals[n.child[slot]].page : page;
+      const bool elsewhere =
+          (n.external >> slot & 1) != 0 && externals[n.child[slot]].kind != storage::ExternalKind::instance;
+      const std::uint32_t there = elsewhere ? externals[n.child[slot]].page : page;
       if (there != last) {
         visit(there);
         last = there;
@@ -72,7 +75,9 @@ class FutureDemand {
  public:
   using Count = std::atomic<std::int32_t>;
   static constexpr std::uint32_t kSampling = 16;
-  static bool sampled(const RayState& ray) { return ray.number % kSampling == 0; }
+  static bool sampled(const RayState& ray) {
+    return ray.number % kSampling == 0 && !ray.object.inside && !ray.left_object;
+  }
 
   /// One job's part of the counts; what is left of it when the job goes is taken away.
   class Share;

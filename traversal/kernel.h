@@ -69,6 +69,7 @@ struct KernelContext {
   bool corrupt = false;                 ///< set when a reference leads to a node that cannot be its target
   const HitFilter* filter = nullptr;    ///< none: all hits count
   CrossingBuffer* crossings = nullptr;  ///< none: they are counted alone
+  unsigned object_level = 0;            ///< of the store; 0: it has no objects
 };
 
 /// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.

@@ -46,7 +46,8 @@ void LonePage::part_nodes(const storage::PageView& view) {
   auto* externals = reinterpret_cast<storage::ExternalRef*>(copy_.data() + header.externals_offset);
   std::memcpy(externals, view.externals(), header.external_count * sizeof(storage::ExternalRef));
   for (std::uint32_t i = 0; i < header.external_count; ++i) {
-    externals[i].page += externals[i].page == shown_ ? rules_.page_count : 0;  // another treelet of this page
+    const bool instance = externals[i].kind == storage::ExternalKind::instance;
+    externals[i].page += externals[i].page == shown_ && !instance ? rules_.page_count : 0;  // a treelet of this page
   }
   for (std::uint32_t i = 0; i < header.node_count; ++i) {
     storage::Node<N>& node = nodes[i];

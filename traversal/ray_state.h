@@ -5,9 +5,11 @@
 // hit only what the job asked for. The page is known from the queue. Nothing of a ray stands elsewhere, so a record can
 // be moved, written to disk and taken up again by anybody.
 //
-//   flags level node number tfar org dir | skipped? | mask? | tnear? | hit? | corners? | bitstack
-//                                     36 B + 0 or 8 + 0 or 4 + 0 or 4 + 0 to 28 + 0 or 36 + 0 to 16
+//   flags level node number tfar org dir | skipped? | mask? | tnear? | hit? | corners? | object? | bitstack
+//                                     36 B + 0 or 8 + 0 or 4 + 0 or 4 + 0 to 28 + 0 or 36 + 0 or 40 to 80 + 0 to 16
 //
+// A ray in the space of a placed object has its rays in both spaces with it (kernels/instance-inl.h), the id of the
+// instance and what takes normals to the world where the job asks for them.
 // In mode exact a hit has the corners of its triangle with it, 36 B more: where two hits round to the same t, exact
 // arithmetic decides, and the page that the first one stands in may be gone by then. The primitive that a ray skips
 // and its mask stand in the records of jobs whose rays bring them. A ray whose crossings are counted has the count for
@@ -49,8 +51,22 @@ struct LeftNode {
   std::uint16_t node = 0;
 };
 
+/// Of a ray in the space of a placed object.
+struct InObject {
+  std::uint32_t page = 0;  ///< with the node that the instance hangs on, where the ray goes on after the object
+  std::uint16_t node = 0;
+  std::uint8_t level = 0;  ///< of that node
+  bool inside = false;
+  std::uint32_t geometry_base = 0;
+  float entry = 0;  ///< of the instance's box: no hit inside counts before it
+  std::array<float, 3> world_org{};
+  std::array<float, 3> world_dir{};
+  std::uint32_t instance_id = kNoId;
+  std::array<std::array<float, 3>, 3> normals{};  ///< columns; where normals are asked for
+};
+
 struct RayState {
-  std::array<float, 3> org{};
+  std::array<float, 3> org{};  ///< in the object's space where the ray is in one; dir alike
   std::array<float, 3> dir{};
   float tnear = 0;
   float tfar = 0;  ///< of the nearest hit so far, else the ray's own
@@ -67,6 +83,8 @@ struct RayState {
   std::array<std::array<float, 3>, 3> corners{};  ///< of its triangle; mode exact alone
   PrimitiveIds skipped;                           ///< is no hit; where rays bring it
   std::uint32_t mask = kAllMask;                  ///< where rays bring it
+  InObject object;
+  bool left_object = false;  ///< waits for the node where it goes on after an object
 };
 
 /// Whether a record holds the corners of the hit's triangle.
@@ -76,6 +94,8 @@ enum class KeptCorners : std::uint8_t { none, of_hit };
 struct KeptExtras {
   bool skipped = false;
   bool mask = false;
+  bool instance_id = false;  ///< of the object that it is in
+  bool normals = false;      ///< what takes the object's normals to the world
 };
 
 /// Bytes of a waiting ray. Immutable.
@@ -87,22 +107,28 @@ class RecordLayout {
       : hit_(Field(std::uint32_t(kept) & ~std::uint32_t(Field::t))),
         corners_bytes_(corners == KeptCorners::of_hit ? sizeof(RayState::corners) : 0),
         skip_bytes_(extras.skipped ? sizeof(RayState::skipped) : 0),
-        mask_bytes_(extras.mask ? sizeof(RayState::mask) : 0) {}
+        mask_bytes_(extras.mask ? sizeof(RayState::mask) : 0),
+        id_bytes_(extras.instance_id ? sizeof(InObject::instance_id) : 0),
+        normals_bytes_(extras.normals ? sizeof(InObject::normals) : 0) {}
 
   /// Of the smallest record.
   static constexpr std::size_t kLeastBytes = 36;
   /// Of the largest record.
   [[nodiscard]] std::size_t most_bytes() const {
     return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + sizeof(float) + hit_.row_bytes() + corners_bytes_ +
-           sizeof(Bitstack);
+           object_bytes() + sizeof(Bitstack);
   }
-  [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray)); }
-  [[nodiscard]] std::size_t bytes(const std::byte* record) const { return bytes_for(static_cast<unsigned>(*record)); }
+  [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray), ray.object.inside); }
+  [[nodiscard]] std::size_t bytes(const std::byte* record) const {
+    return bytes_for(static_cast<unsigned>(record[0]), (static_cast<unsigned>(record[1]) & kInside) != 0);
+  }
 
   /// Returns the record's size.
   std::size_t pack(const RayState& ray, std::byte* record) const {
     const unsigned flags = flags_of(ray);
-    const Fixed fixed{static_cast<std::uint8_t>(flags), ray.level, ray.node, ray.number, ray.tfar, ray.org, ray.dir};
+    const auto level =
+        static_cast<std::uint8_t>(ray.level | (ray.object.inside ? kInside : 0) | (ray.left_object ? kLeftObject : 0));
+    const Fixed fixed{static_cast<std::uint8_t>(flags), level, ray.node, ray.number, ray.tfar, ray.org, ray.dir};
     std::memcpy(record, &fixed, sizeof fixed);
     std::byte* at = record + sizeof fixed;
     std::memcpy(at, &ray.skipped, skip_bytes_);
@@ -119,6 +145,12 @@ class RecordLayout {
       std::memcpy(at, ray.corners.data(), corners_bytes_);
       at += corners_bytes_;
     }
+    if (ray.object.inside) {
+      std::memcpy(at, &ray.object, kObjectBytes);
+      std::memcpy(at + kObjectBytes, &ray.object.instance_id, id_bytes_);
+      std::memcpy(at + kObjectBytes + id_bytes_, &ray.object.normals, normals_bytes_);
+      at += object_bytes();
+    }
     const std::size_t stack_bytes = flags >> kStackShift;
     std::memcpy(at, ray.stack.words.data(), stack_bytes);
     return static_cast<std::size_t>(at - record) + stack_bytes;
@@ -134,7 +166,8 @@ class RecordLayout {
     ray.tfar = fixed.tfar;
     ray.number = fixed.number;
     ray.node = fixed.node;
-    ray.level = fixed.level;
+    ray.level = fixed.level & kLevel;
+    ray.left_object = (fixed.level & kLeftObject) != 0;
     ray.resume = static_cast<Resume>(fixed.flags & kResume);
     ray.has_hit = (fixed.flags & kHasHit) != 0;
     std::memcpy(&ray.skipped, at, skip_bytes_);
@@ -152,11 +185,20 @@ class RecordLayout {
       std::memcpy(ray.corners.data(), at, corners_bytes_);
       at += corners_bytes_;
     }
+    if ((fixed.level & kInside) != 0) {
+      std::memcpy(static_cast<void*>(&ray.object), at, kObjectBytes);
+      std::memcpy(&ray.object.instance_id, at + kObjectBytes, id_bytes_);
+      std::memcpy(&ray.object.normals, at + kObjectBytes + id_bytes_, normals_bytes_);
+      at += object_bytes();
+    }
     std::memcpy(ray.stack.words.data(), at, fixed.flags >> kStackShift);
   }
 
  private:
   static constexpr unsigned kResume = 1, kHasHit = 2, kHasTnear = 4, kStackShift = 3;
+  static constexpr unsigned kInside = 0x80, kLeftObject = 0x40, kLevel = 0x3F;
+  static constexpr std::size_t kObjectBytes = offsetof(InObject, instance_id);
+  static_assert(kObjectBytes == 40 && std::is_trivially_copyable_v<InObject>);
   struct Fixed {
     std::uint8_t flags;
     std::uint8_t level;
@@ -175,15 +217,19 @@ class RecordLayout {
     return static_cast<unsigned>(ray.resume) | (ray.has_hit ? kHasHit : 0) | (ray.tnear != 0 ? kHasTnear : 0) |
            static_cast<unsigned>(bits + 7) / 8 << kStackShift;
   }
-  [[nodiscard]] std::size_t bytes_for(unsigned flags) const {
+  [[nodiscard]] std::size_t object_bytes() const { return kObjectBytes + id_bytes_ + normals_bytes_; }
+  [[nodiscard]] std::size_t bytes_for(unsigned flags, bool in_object) const {
     return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
-           ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (flags >> kStackShift);
+           ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (in_object ? object_bytes() : 0) +
+           (flags >> kStackShift);
   }
 
   HitLayout hit_;
   std::size_t corners_bytes_ = 0;
   std::size_t skip_bytes_ = 0;
   std::size_t mask_bytes_ = 0;
+  std::size_t id_bytes_ = 0;
+  std::size_t normals_bytes_ = 0;
 };
 
 }  // namespace raymill::traversal

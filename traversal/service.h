@@ -159,7 +159,9 @@ struct StoreInfo {
   std::vector<std::string> features;
   std::array<float, 3> bounds_min{};
   std::array<float, 3> bounds_max{};
-  std::uint64_t triangles = 0;
+  std::uint64_t triangles = 0;  ///< stored; those of an object once
+  std::uint64_t instances = 0;
+  std::uint64_t objects = 0;  ///< that are placed
   std::uint64_t nodes = 0;
   std::uint64_t pages = 0;
   std::uint64_t geometries = 0;

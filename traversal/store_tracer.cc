@@ -18,10 +18,11 @@ namespace {
 constexpr std::uint32_t kMostAtRoot = 64 << 10;
 
 // What a waiting ray keeps of its best hit. Ties are broken by ids: they are kept wherever the choice could show.
-Field kept_fields(const TraceConfig& config) {
+Field kept_fields(const TraceConfig& config, bool instances) {
+  const Field ids = instances && config.mode == Mode::exact ? Field::ids | Field::instance_id : Field::ids;
   switch (config.query) {
     case Query::closest:
-      return config.fields == Field::t ? Field::t : config.fields | Field::ids;
+      return config.fields == Field::t ? Field::t : config.fields | ids;
     case Query::count:
       return Field::count;
     default:
@@ -137,8 +138,12 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   const RowsAsked rows{setup.config.fields, config.query == Query::all, config.first};
   JobPlan plan = plan_job(plan_, rules.page_count, rows);
   setup.most_in_flight = plan.most_in_flight;
-  plan.waiting.layout = RecordLayout(kept_fields(setup.config), kept_corners(setup.config),
-                                     {.skipped = config.skips, .mask = config.masks});
+  const Field kept = kept_fields(setup.config, rules.object_level != 0);
+  plan.waiting.layout = RecordLayout(kept, kept_corners(setup.config),
+                                     {.skipped = config.skips,
+                                      .mask = config.masks,
+                                      .instance_id = has(kept | setup.config.fields, Field::instance_id),
+                                      .normals = has(setup.config.fields, Field::normal)});
   plan.waiting.directory = config_.spill_directory;
   plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 

@@ -56,7 +56,7 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
   if (config_.layout == Layout::expanded) {
     if (!possible) {
       return {ErrorCode::unsupported, file_->path() +
-                                          ": has more triangles than the expanded layout can hold; use "
+                                          ": has instances, or more triangles than the expanded layout can hold; use "
                                           "--layout auto"};
     }
     if (rest.bytes < least) {
@@ -140,6 +140,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   context.need_normal = has(job.config.fields, Field::normal);
   context.filter = job.hit_filter();
   context.crossings = crossings;
+  context.object_level = file_->rules().object_level;
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);

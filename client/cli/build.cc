@@ -71,8 +71,9 @@ Verb add_build(CLI::App& app) {
   verb->footer(
       "\nReads glTF 2.0 (.gltf and .glb; Draco and meshopt too), PLY, OBJ and STL (in words and in binary), told apart "
       "by\n"
-      "their first bytes. Nodes are flattened to world space and faces of many corners cut into triangles. The store "
-      "is\n"
+      "their first bytes. Meshes that many nodes use are stored once (--instances), others in world space; faces of "
+      "many\n"
+      "corners are cut into triangles. The store is\n"
       "written under a temporary name and renamed when whole. The same scenes give the same bytes.\n\n"
       "  raymill build city.gltf -o city.mill --memory 1G\n"
       "  raymill build --manifest tiles.txt -o country.mill --stats build.json");
@@ -99,6 +100,11 @@ Verb add_build(CLI::App& app) {
       ->capture_default_str();
   add_parsed(*verb, "--page-size", options->page_bytes, parse_bytes, "Limit of a decoded page, 16K to 1M. Default 64K",
              "SIZE");
+  verb->add_option(
+          "--instances", options->config.instances,
+          "Which meshes are stored once and placed: auto (where that takes at most half the bytes), always, never")
+      ->type_name("RULE")
+      ->capture_default_str();
   verb->add_option("--threads", options->config.threads, "Threads; 0: one for each core")
       ->type_name("N")
       ->capture_default_str();

@@ -17,6 +17,7 @@ struct GenerateOptions {
   SceneKind kind = SceneKind::terrain;
   std::uint64_t triangles = 0;
   std::uint64_t seed = 1;
+  unsigned meshes = 200;
   std::string output;
   std::string progress;
   bool json = false;
@@ -34,7 +35,7 @@ Status run(const GenerateOptions& options) {
                                               triangles, "triangles");
                              return !interrupted();
                            }));
-  Status status = generate(options.kind, options.triangles, options.seed, scene);
+  Status status = generate(options.kind, options.triangles, options.seed, options.meshes, scene);
   if (status.ok()) {
     status = scene.finish();
   }
@@ -59,16 +60,21 @@ Verb add_generate(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("generate", "Make up a scene of any size");
   verb->footer(
       "\nKinds: terrain (a fractal heightfield), city (buildings with window frames), forest (trees and grass of thin\n"
-      "triangles), mixed (a city and a forest between mountains). Lengths are metres, y is up, and cameras are in the\n"
-      "scene. The same kind, count and seed give the same triangles. S.gltf comes with buffers S-00000.bin and so on,\n"
+      "triangles), mixed (a city and a forest between mountains), woods (kinds of tree, each stored once and placed\n"
+      "often). Lengths are metres, y is up, and cameras are in the scene. The same kind, count and seed give the same "
+      "triangles. S.gltf comes with buffers S-00000.bin and so on,\n"
       "which replace those of an earlier run; memory does not grow with the scene.\n\n"
       "  raymill generate city --triangles 20M -o city.gltf");
-  add_parsed(*verb, "KIND", options->kind, parse_scene_kind, "terrain, city, forest or mixed", "")->required();
+  add_parsed(*verb, "KIND", options->kind, parse_scene_kind, "terrain, city, forest, mixed or woods", "")->required();
   add_parsed(*verb, "--triangles", options->triangles, parse_count,
-             "How many; k, M and G are powers of 1000. Met exactly", "N")
+             "How many; k, M and G are powers of 1000. Met exactly, by woods as near as whole trees come", "N")
       ->required();
   verb->add_option("-o,--output", options->output, "The scene to write")->required()->type_name("S.gltf");
   verb->add_option("--seed", options->seed, "Another seed, another scene")->type_name("N")->capture_default_str();
+  verb->add_option("--meshes", options->meshes, "Kinds of tree in woods")
+      ->type_name("N")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
   add_progress_option(*verb, options->progress);
   add_json_flag(*verb, options->json);
   return {verb, [options] { return run(*options); }};

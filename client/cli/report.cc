@@ -100,6 +100,8 @@ json info_json(const StoreInfo& info) {
                  {"features", info.features},
                  {"bounds", {{"min", info.bounds_min}, {"max", info.bounds_max}}},
                  {"triangles", info.triangles},
+                 {"instances", info.instances},
+                 {"objects", info.objects},
                  {"nodes", info.nodes},
                  {"pages", info.pages},
                  {"store_bytes", info.store_bytes},
@@ -127,6 +129,9 @@ std::string info_text(const StoreInfo& info) {
       line("format", std::to_string(info.format_version)) + line("features", features.empty() ? "none" : features) +
       line("bounds", point(info.bounds_min) + " to " + point(info.bounds_max)) +
       line("triangles", std::to_string(info.triangles) + " in " + std::to_string(info.geometries) + " geometries") +
+      (info.instances > 0
+           ? line("instances", std::to_string(info.instances) + " of " + std::to_string(info.objects) + " objects")
+           : std::string()) +
       line("nodes", std::to_string(info.nodes) + ", " + std::to_string(info.width) + " wide, " +
                         std::to_string(info.levels) + " levels") +
       line("pages", std::to_string(info.pages) + " of at most " + format_bytes(info.page_bytes)) +
@@ -155,6 +160,8 @@ json build_json(const BuildReport& report, const std::string& output) {
   return {
       {"output", output},
       {"triangles", report.triangles},
+      {"instances", report.instances},
+      {"objects", report.objects},
       {"nodes", report.nodes},
       {"pages", report.pages},
       {"store_bytes", report.store_bytes},
@@ -176,8 +183,11 @@ json build_json(const BuildReport& report, const std::string& output) {
 
 std::string build_text(const BuildReport& report, const std::string& output) {
   const double triangles = report.triangles > 0 ? static_cast<double>(report.triangles) : 1;
-  std::string text = output + ": " + std::to_string(report.triangles) + " triangles, " + std::to_string(report.pages) +
-                     " pages, " + format_bytes(report.store_bytes) +
+  std::string text = output + ": " + std::to_string(report.triangles) + " triangles, " +
+                     (report.instances > 0 ? std::to_string(report.instances) + " instances of " +
+                                                 std::to_string(report.objects) + " objects, "
+                                           : std::string()) +
+                     std::to_string(report.pages) + " pages, " + format_bytes(report.store_bytes) +
                      formatted(" (%.2f B a triangle)", static_cast<double>(report.store_bytes) / triangles) +
                      formatted(", %.2f s", build_seconds(report)) + ", peak " + format_bytes(report.peak_rss_bytes) +
                      (report.temporary_bytes > 0 ? ", " + format_bytes(report.temporary_bytes) + " on disk for a while"

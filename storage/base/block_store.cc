@@ -87,18 +87,18 @@ Result<BlockStore::Place> BlockStore::new_place() {
   return Place{file_blocks_++, nullptr};
 }
 
-Status BlockStore::read(BlockId block, std::span<std::byte> out) const {
+Status BlockStore::read(BlockId block, std::span<std::byte> out, std::size_t offset_in_block) const {
   const auto number = static_cast<std::uint32_t>(block);
   if ((number & kInFile) == 0) {
     const std::byte* from = nullptr;
     {
       const std::lock_guard lock(mutex_);  // write() may add a slab
-      from = in_memory(number);
+      from = in_memory(number) + offset_in_block;
     }
     std::copy_n(from, out.size(), out.begin());
     return {};
   }
-  const std::uint64_t offset = std::uint64_t(number & ~kInFile) * kBlockBytes;
+  const std::uint64_t offset = std::uint64_t(number & ~kInFile) * kBlockBytes + offset_in_block;
   const auto got = read_fully(descriptor_, out, offset);
   if (got != out.size()) {
     return {ErrorCode::io, (folder_.empty() ? "." : folder_) + ": cannot read a temporary file back: " +

@@ -36,8 +36,8 @@ class BlockStore {
 
   /// Stores at most kBlockBytes. Errors: disk_full, io.
   Result<BlockId> write(std::span<const std::byte> bytes);
-  /// Fills `out` from the block's beginning. Errors: io.
-  Status read(BlockId block, std::span<std::byte> out) const;
+  /// Fills `out` from the block's bytes at `offset_in_block` on. Errors: io.
+  Status read(BlockId block, std::span<std::byte> out, std::size_t offset_in_block = 0) const;
   void release(BlockId block);
 
   /// Of the temporary file at its largest.

@@ -101,16 +101,16 @@ void fill_primitives(std::span<const Triangle> triangles, std::vector<RTCBuildPr
   }
 }
 
-RTCBuildArguments build_arguments(RTCBVH bvh, std::vector<RTCBuildPrimitive>& primitives) {
+RTCBuildArguments build_arguments(RTCBVH bvh, std::vector<RTCBuildPrimitive>& primitives, unsigned per_leaf) {
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
   arguments.byteSize = sizeof arguments;
   arguments.buildQuality = RTC_BUILD_QUALITY_MEDIUM;
   arguments.maxBranchingFactor = 2;
   // Binary depth; the collapse bounds the wide tree's depth whatever comes out here. Recursion below is as deep.
   arguments.maxDepth = 256;
-  arguments.sahBlockSize = 4;
+  arguments.sahBlockSize = std::min(4U, per_leaf);
   arguments.minLeafSize = 1;
-  arguments.maxLeafSize = kMaxLeafTriangles;
+  arguments.maxLeafSize = per_leaf;
   arguments.traversalCost = 1;
   arguments.intersectionCost = 1;
   arguments.bvh = bvh;
@@ -153,10 +153,10 @@ BinaryTreeBuilder::BinaryTreeBuilder(const EmbreeDevice& device)
 BinaryTreeBuilder::BinaryTreeBuilder(BinaryTreeBuilder&&) noexcept = default;
 BinaryTreeBuilder::~BinaryTreeBuilder() = default;
 
-Status BinaryTreeBuilder::build(std::vector<Triangle>& triangles, BinaryTree& tree) {
+Status BinaryTreeBuilder::build(std::vector<Triangle>& triangles, BinaryTree& tree, unsigned per_leaf) {
   fill_primitives(triangles, scratch_->primitives);
   RTCBVH bvh = rtcNewBVH(device_->get());
-  const RTCBuildArguments arguments = build_arguments(bvh, scratch_->primitives);
+  const RTCBuildArguments arguments = build_arguments(bvh, scratch_->primitives, per_leaf);
   void* root = nullptr;
   // One thread for a run: Embree's parallel partition may order triangles by the number of threads.
   tbb::task_arena(1).execute([&] { root = rtcBuildBVH(&arguments); });

@@ -46,9 +46,9 @@ class BinaryTreeBuilder {
   BinaryTreeBuilder(BinaryTreeBuilder&&) noexcept;
   ~BinaryTreeBuilder();
 
-  /// Builds `tree` over `triangles`, which are put into leaf order. Equal triangles give equal trees: the build runs on
-  /// the calling thread alone. Errors: internal (Embree refused).
-  Status build(std::vector<Triangle>& triangles, BinaryTree& tree);
+  /// Builds `tree` over `triangles`, which are put into leaf order, at most `per_leaf` to a leaf. Equal triangles give
+  /// equal trees: the build runs on the calling thread alone. Errors: internal (Embree refused).
+  Status build(std::vector<Triangle>& triangles, BinaryTree& tree, unsigned per_leaf = kMaxLeafTriangles);
 
  private:
   struct Scratch;

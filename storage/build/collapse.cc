@@ -66,8 +66,9 @@ struct Pieces {
 };
 
 // What a tree's leaves hold. A leaf of triangles stands in its node; a run is a tree of its own.
+template <std::uint32_t kTriangles>
 struct TriangleUnits {
-  static constexpr std::uint32_t kPerLeaf = kMaxLeafTriangles;
+  static constexpr std::uint32_t kPerLeaf = kTriangles;
   static constexpr bool kOuter = false;
   const std::vector<Triangle>& triangles;
   [[nodiscard]] Aabb box(std::uint32_t i) const { return bounds(triangles[i]); }
@@ -218,25 +219,35 @@ class Collapser {
   std::vector<std::uint32_t> count_;
 };
 
-}  // namespace
-
-WideTree collapse(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, LevelRange range) {
-  assert(range.first + balanced_levels(triangles.size(), width) <= range.limit);
+template <std::uint32_t kPerLeaf>
+WideTree collapse_triangles(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width,
+                            LevelRange range) {
+  assert(range.first + balanced_levels(triangles.size(), width, kPerLeaf) <= range.limit);
   WideTree tree;
   tree.width = width;
   tree.triangles = std::move(triangles);
   tree.bounds = binary.nodes[0].box;
-  Collapser<TriangleUnits>(binary, {tree.triangles}, tree, range).run();
+  Collapser<TriangleUnits<kPerLeaf>>(binary, {tree.triangles}, tree, range).run();
   return tree;
 }
 
+}  // namespace
+
+WideTree collapse(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, LevelRange range) {
+  return collapse_triangles<kMaxLeafTriangles>(binary, std::move(triangles), width, range);
+}
+
+WideTree collapse_single(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, LevelRange range) {
+  return collapse_triangles<1>(binary, std::move(triangles), width, range);
+}
+
 WideTree collapse_over_runs(const BinaryTree& binary, const std::vector<Aabb>& run_boxes, unsigned width,
-                            unsigned level_limit) {
-  assert(balanced_levels(run_boxes.size(), width, 1) <= level_limit);
+                            LevelRange range) {
+  assert(range.first + balanced_levels(run_boxes.size(), width, 1) <= range.limit);
   WideTree tree;
   tree.width = width;
   tree.bounds = binary.nodes[0].box;
-  Collapser<RunUnits>(binary, {run_boxes}, tree, {0, level_limit}).run();
+  Collapser<RunUnits>(binary, {run_boxes}, tree, range).run();
   return tree;
 }
 

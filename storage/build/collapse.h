@@ -20,9 +20,12 @@ struct LevelRange {
 /// `range`: at least balanced_levels() of all triangles.
 WideTree collapse(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, LevelRange range);
 
+/// The same with one triangle to a leaf.
+WideTree collapse_single(const BinaryTree& binary, std::vector<Triangle> triangles, unsigned width, LevelRange range);
+
 /// The same over runs: a leaf of `binary` is one run, whose tree hangs in its place as an outer child.
 WideTree collapse_over_runs(const BinaryTree& binary, const std::vector<Aabb>& run_boxes, unsigned width,
-                            unsigned level_limit);
+                            LevelRange range);
 
 /// Levels of a balanced tree: the least l with width^l * per_leaf >= count, at least 1.
 unsigned balanced_levels(std::uint64_t count, unsigned width, unsigned per_leaf = kMaxLeafTriangles);

@@ -1,6 +1,7 @@
 #include "storage/build/partition.h"
 
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <queue>
 #include <utility>
@@ -210,6 +211,38 @@ class Partitioner {
 };
 
 }  // namespace
+
+Partition join(Partition triangles, Partition instances) {
+  if (instances.runs.empty()) {
+    return triangles;
+  }
+  instances.first_instances = 0;
+  if (triangles.runs.empty()) {
+    return instances;
+  }
+  Partition both;
+  both.dropped_degenerate = triangles.dropped_degenerate;
+  both.first_instances = static_cast<std::uint32_t>(triangles.runs.size());
+  PartitionNode root{triangles.nodes[0].box, triangles.nodes[0].count + instances.nodes[0].count};
+  root.box.grow(instances.nodes[0].box);
+  root.run_count = static_cast<std::uint32_t>(triangles.runs.size() + instances.runs.size());
+  both.nodes.push_back(root);
+  const auto append = [&both](Partition& part) {
+    const auto first_node = static_cast<std::uint32_t>(both.nodes.size());
+    const auto first_run = static_cast<std::uint32_t>(both.runs.size());
+    for (PartitionNode node : part.nodes) {
+      node.left += node.is_leaf() ? 0 : first_node;
+      node.right += node.right == 0 ? 0 : first_node;
+      node.first_run += first_run;
+      both.nodes.push_back(node);
+    }
+    std::move(part.runs.begin(), part.runs.end(), std::back_inserter(both.runs));
+    return first_node;
+  };
+  both.nodes[0].left = append(triangles);
+  both.nodes[0].right = append(instances);
+  return both;
+}
 
 std::uint64_t partition_bytes(std::uint32_t most_open_buckets, unsigned threads, std::uint64_t triangle_count) {
   return most_open_buckets * BucketWriter::bytes() + CellPass::bytes(threads) + CellGrid::bytes(triangle_count);

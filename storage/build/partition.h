@@ -35,8 +35,13 @@ struct PartitionNode {
 struct Partition {
   std::vector<PartitionNode> nodes;      ///< nodes[0] is the root; none: no triangles
   std::vector<TriangleBucket> runs;      ///< depth first
+  std::uint32_t first_instances = ~0U;   ///< runs from this one on hold instances, each a triangle with its box
   std::uint64_t dropped_degenerate = 0;  ///< that the lattice made so
+  [[nodiscard]] bool holds_instances(std::size_t run) const { return run >= first_instances; }
 };
+
+/// Both under one root. `instances`: triangles that stand for instances.
+Partition join(Partition triangles, Partition instances);
 
 struct PartitionConfig {
   std::uint64_t run_triangles = kRunTriangles;

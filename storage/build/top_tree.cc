@@ -1,7 +1,6 @@
 #include "storage/build/top_tree.h"
 
 #include <algorithm>
-#include <string>
 
 namespace raymill::storage {
 namespace {
@@ -18,38 +17,45 @@ BinaryTree binary_of(const Partition& partition) {
   return binary;
 }
 
+unsigned levels_of_runs(const Partition& partition, unsigned width) {
+  unsigned levels = 1;
+  for (std::size_t run = 0; run < partition.runs.size(); ++run) {
+    const unsigned per_leaf = partition.holds_instances(run) ? 1 : kMaxLeafTriangles;
+    levels = std::max(levels, balanced_levels(partition.runs[run].count, width, per_leaf));
+  }
+  return levels;
+}
+
+unsigned levels_over_runs(const Partition& partition, unsigned width) {
+  return partition.runs.size() > 1 ? balanced_levels(partition.runs.size(), width, 1) : 0;
+}
+
 }  // namespace
 
-Result<TopTree> build_top_tree(const Partition& partition, unsigned width) {
-  const unsigned limit = max_levels(width);
+unsigned least_levels(const Partition& partition, unsigned width) {
+  return levels_over_runs(partition, width) + levels_of_runs(partition, width);
+}
+
+TopTree build_top_tree(const Partition& partition, unsigned width, LevelRange levels) {
   TopTree top;
   top.tree.width = width;
-  top.places.resize(partition.runs.size(), {0, {0, limit}});
-  std::uint64_t largest_run = 0;
-  for (const TriangleBucket& run : partition.runs) {
-    largest_run = std::max(largest_run, run.count);
-  }
-  const unsigned run_levels = balanced_levels(largest_run, width);
-  const unsigned top_levels = partition.runs.size() > 1 ? balanced_levels(partition.runs.size(), width, 1) : 0;
-  if (top_levels + run_levels > limit) {
-    return {ErrorCode::unsupported, std::to_string(partition.nodes[0].count) +
-                                        " triangles need a tree deeper than the " + std::to_string(kBitstackBits) +
-                                        "-bit bitstack holds; use --width 8"};
-  }
+  top.places.resize(partition.runs.size(), {0, levels});
   if (partition.runs.size() == 1) {
     return top;
   }
-  const unsigned top_limit = std::max(top_levels, limit - std::min(limit, run_levels + spare_levels(width)));
+  const unsigned below = levels_of_runs(partition, width) + spare_levels(width);
+  const unsigned top_limit =
+      std::max(levels.first + levels_over_runs(partition, width), levels.limit - std::min(levels.limit, below));
   std::vector<Aabb> boxes;
   for (const TriangleBucket& run : partition.runs) {
     boxes.push_back(run.box);
   }
-  top.tree = collapse_over_runs(binary_of(partition), boxes, width, top_limit);
+  top.tree = collapse_over_runs(binary_of(partition), boxes, width, {levels.first, top_limit});
   for (std::uint32_t i = 0; i < top.tree.nodes.size(); ++i) {
     const WideNode& node = top.tree.nodes[i];
     for (unsigned slot = 0; slot < width; ++slot) {
       if (node.is_outer(slot)) {
-        top.places[node.child[slot]] = {i, {node.level + 1U, limit}};
+        top.places[node.child[slot]] = {i, {node.level + 1U, levels.limit}};
       }
     }
   }

@@ -21,7 +21,10 @@ struct TopTree {
 };
 
 /// Leaves each run a few levels more than a balanced tree over its triangles needs.
-/// Errors: unsupported, when the bitstack cannot hold a tree over so many triangles.
-Result<TopTree> build_top_tree(const Partition& partition, unsigned width);
+/// `levels`: at least least_levels().
+TopTree build_top_tree(const Partition& partition, unsigned width, LevelRange levels);
+
+/// Levels of a balanced tree over all runs.
+unsigned least_levels(const Partition& partition, unsigned width);
 
 }  // namespace raymill::storage

@@ -106,9 +106,14 @@ Result<GltfAccessor> GltfAccessor::open(const tinygltf::Model& model, int access
   opened.count_ = declared.count;
   opened.components_ = components;
   opened.normalized_ = declared.normalized;
-  const int wanted = components == 1 ? TINYGLTF_TYPE_SCALAR : TINYGLTF_TYPE_VEC3;
+  const bool scalar = components == 1, vec3 = components == 3;
+  const int wanted = scalar ? TINYGLTF_TYPE_SCALAR : vec3 ? TINYGLTF_TYPE_VEC3 : TINYGLTF_TYPE_VEC4;
   if (declared.type != wanted) {
-    return bad_scene("accessors[", accessor, "] must be ", components == 1 ? "SCALAR" : "VEC3", " to be used so");
+    return bad_scene("accessors[", accessor, "] must be ",
+                     scalar ? "SCALAR"
+                     : vec3 ? "VEC3"
+                            : "VEC4",
+                     " to be used so");
   }
   const std::optional<ComponentType> type = component_type(declared.componentType);
   if (!type) {

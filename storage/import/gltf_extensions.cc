@@ -12,8 +12,8 @@ namespace raymill::storage {
 
 namespace {
 
-constexpr std::string_view kModelled[] = {"EXT_meshopt_compression", "KHR_draco_mesh_compression",
-                                          "KHR_mesh_quantization"};
+constexpr std::string_view kModelled[] = {"EXT_mesh_gpu_instancing", "EXT_meshopt_compression",
+                                          "KHR_draco_mesh_compression", "KHR_mesh_quantization"};
 
 // Materials, textures, lights, metadata and animation: the triangles at rest are the same without them.
 constexpr std::string_view kShadingOnly[] = {

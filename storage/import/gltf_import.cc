@@ -5,6 +5,7 @@
 #include "storage/import/gltf_buffers.h"
 #include "storage/import/gltf_container.h"
 #include "storage/import/gltf_document.h"
+#include "storage/import/gltf_nodes.h"
 #include "storage/import/gltf_primitives.h"
 #include "storage/import/gltf_scene.h"
 #include "storage/import/message.h"
@@ -34,38 +35,6 @@ void note_extensions(const std::vector<std::string>& names, ImportReport& report
   all.erase(std::unique(all.begin(), all.end()), all.end());
 }
 
-std::string name_or_number(const std::string& name, std::string_view kind, int index) {
-  return name.empty() ? message(kind, index) : name;
-}
-
-Status import_nodes(const SceneFile& file, const GltfScene& scene, const PrimitiveContext& context) {
-  const tinygltf::Model& model = context.document.model();
-  for (const PlacedNode& placed : scene.nodes) {
-    const tinygltf::Node& node = model.nodes[static_cast<std::size_t>(placed.node)];
-    if (node.mesh < 0) {
-      continue;
-    }
-    if (node.skin >= 0) {
-      ++context.report.counts[ImportCode::skin_at_rest];
-    }
-    const tinygltf::Mesh& mesh = model.meshes[static_cast<std::size_t>(node.mesh)];
-    for (std::size_t i = 0; i < mesh.primitives.size(); ++i) {
-      GeometryInfo& geometry = context.report.geometries.emplace_back();
-      geometry.file = file.name;
-      geometry.node = name_or_number(node.name, "node", placed.node);
-      geometry.mesh = name_or_number(mesh.name, "mesh", node.mesh);
-      geometry.primitive = static_cast<std::uint32_t>(i);
-      context.out.begin_geometry();
-      Status status = import_primitive(mesh.primitives[i], placed.world_from_node, context);
-      if (!status.ok()) {
-        return context.out.sink_failed() ? status
-                                         : in_context(message("meshes[", node.mesh, "].primitives[", i, "]"), status);
-      }
-    }
-  }
-  return context.out.flush();
-}
-
 Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
                     ImportReport& report, bool& sink_failed) {
   RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
@@ -82,7 +51,7 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
   std::move(cameras.begin(), cameras.end(), std::back_inserter(report.cameras));
 
   TriangleWriter writer(sink, report);
-  Status status = import_nodes(file, scene, {document, buffers, ledger, writer, report});
+  Status status = import_nodes({document, buffers, ledger, writer, report}, scene, file.name, options);
   sink_failed = writer.sink_failed();
   return status;
 }

@@ -13,34 +13,23 @@ namespace {
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
-// Rotation matrix of a quaternion of any length: q * p * q^-1 (Shoemake 1985), so rounding in the file does not scale.
-// A quaternion of zeros rotates nothing.
-Transform from_trs(const tinygltf::Node& node) {
+Transform trs_of(const tinygltf::Node& node) {
   const auto value = [](const std::vector<double>& values, std::size_t i, double otherwise) {
     return values.empty() ? otherwise : values[i];
   };
-  const double x = value(node.rotation, 0, 0), y = value(node.rotation, 1, 0), z = value(node.rotation, 2, 0),
-               w = value(node.rotation, 3, 1);
-  const double norm = x * x + y * y + z * z + w * w;
-  const double s = norm > 0 ? 2 / norm : 0;
-  const double rotation[9] = {1 - s * (y * y + z * z), s * (x * y + z * w),     s * (x * z - y * w),
-                              s * (x * y - z * w),     1 - s * (x * x + z * z), s * (y * z + x * w),
-                              s * (x * z + y * w),     s * (y * z - x * w),     1 - s * (x * x + y * y)};
-  Transform transform;
-  for (std::size_t column = 0; column < 3; ++column) {
-    const double scale = value(node.scale, column, 1);
-    for (std::size_t row = 0; row < 3; ++row) {
-      transform.m[column * 4 + row] = rotation[column * 3 + row] * scale;
-    }
-    transform.m[12 + column] = value(node.translation, column, 0);
-  }
-  return transform;
+  const auto vector = [&](const std::vector<double>& values, double otherwise) {
+    return Vec3d{value(values, 0, otherwise), value(values, 1, otherwise), value(values, 2, otherwise)};
+  };
+  return from_trs(
+      vector(node.translation, 0),
+      {value(node.rotation, 0, 0), value(node.rotation, 1, 0), value(node.rotation, 2, 0), value(node.rotation, 3, 1)},
+      vector(node.scale, 1));
 }
 
 Result<Transform> local_transform(const tinygltf::Model& model, int node) {
   const tinygltf::Node& declared = model.nodes[at(node)];
   if (declared.matrix.empty()) {
-    return from_trs(declared);
+    return trs_of(declared);
   }
   Transform transform;
   std::copy(declared.matrix.begin(), declared.matrix.end(), transform.m.begin());

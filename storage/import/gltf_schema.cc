@@ -106,9 +106,23 @@ constexpr JsonField kMeshFields[] = {
 };
 constexpr JsonObject kMesh{kMeshFields};
 
+constexpr JsonField kInstancingAttributesFields[] = {
+    {"TRANSLATION", Kind::index, false, "accessors"},
+    {"ROTATION", Kind::index, false, "accessors"},
+    {"SCALE", Kind::index, false, "accessors"},
+};
+constexpr JsonObject kInstancingAttributes{kInstancingAttributesFields};
+
+constexpr JsonField kInstancingFields[] = {{"attributes", Kind::object, true, {}, &kInstancingAttributes}};
+constexpr JsonObject kInstancing{kInstancingFields};
+
+constexpr JsonField kNodeExtensionsFields[] = {{"EXT_mesh_gpu_instancing", Kind::object, false, {}, &kInstancing}};
+constexpr JsonObject kNodeExtensions{kNodeExtensionsFields};
+
 constexpr JsonField kNodeFields[] = {
     {"name", Kind::name},
     {"camera", Kind::index, false, "cameras"},
+    {"extensions", Kind::object, false, {}, &kNodeExtensions},
     {"children", Kind::indices, false, "nodes"},
     {"matrix", Kind::numbers, false, {}, nullptr, 16},
     {"mesh", Kind::index, false, "meshes"},

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "storage/import/scene_import.h"
@@ -40,8 +41,17 @@ std::string_view to_string(ImportCode code) {
       return "polygons";
     case ImportCode::meshopt_views:
       return "meshopt_views";
+    case ImportCode::gpu_instances:
+      return "gpu_instances";
   }
   return "unknown";
+}
+
+bool in_range(const Aabb& box) {
+  const auto within = [](const Vec3f& p) {
+    return std::abs(p.x) <= kPositionLimit && std::abs(p.y) <= kPositionLimit && std::abs(p.z) <= kPositionLimit;
+  };
+  return within(box.lower) && within(box.upper);
 }
 
 std::string to_json(const ImportReport& report) {

@@ -52,7 +52,7 @@ Status begin_geometry(const MeshImport& import, std::size_t of_this_file, const 
     return {ErrorCode::unsupported, message("has more than ", kMostFileGeometries,
                                             " groups of faces, each of which would be a geometry; join some")};
   }
-  GeometryInfo& geometry = import.report.geometries.emplace_back();
+  GeometryInfo& geometry = import.report.add_geometry();
   geometry.file = import.name;
   geometry.node = node;
   geometry.mesh = mesh;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "storage/base/ledger.h"
+#include "storage/base/placement.h"
 #include "storage/base/status.h"
 #include "storage/base/vec3.h"
 
@@ -39,12 +40,14 @@ enum class ImportCode : std::uint16_t {
   sparse_accessors = 301,
   quantized_positions = 302,
   polygons = 303,       ///< faces of more than three corners: cut into triangles
+  gpu_instances = 305,  ///< placements by EXT_mesh_gpu_instancing
   meshopt_views = 304,  ///< bufferViews that EXT_meshopt_compression compresses
 };
 std::string_view to_string(ImportCode code);
 
 /// Largest magnitude of a coordinate that is kept: boxes and their differences stay finite in float32 below it.
 constexpr float kPositionLimit = 0x1p+120F;
+bool in_range(const Aabb& box);
 
 /// One geometry_id: a (node, primitive) pair in file order, or what other formats have for it, whether or not any
 /// triangle of it was kept.
@@ -55,6 +58,9 @@ struct GeometryInfo {
   std::uint32_t primitive = 0;  ///< index in the mesh
   std::uint64_t triangles = 0;  ///< in the input, before anything was dropped
   std::uint64_t kept = 0;       ///< handed on
+  std::uint32_t geometry_id = 0;
+  /// Placed so often by one node (EXT_mesh_gpu_instancing), with the ids geometry_id, geometry_id + stride, ...
+  std::uint32_t copies = 1, stride = 1;
 };
 
 /// A camera of the scene in world space, for render.
@@ -69,18 +75,54 @@ struct CameraInfo {
 
 struct ImportReport {
   std::map<ImportCode, std::uint64_t> counts;
-  std::vector<GeometryInfo> geometries;
+  std::vector<GeometryInfo> geometries;  ///< rising by id
+  std::uint64_t geometry_count = 0;      ///< every id is below it
   std::vector<CameraInfo> cameras;
   std::vector<std::string> ignored_extensions;  ///< sorted, each once
-  std::uint64_t triangles = 0;                  ///< in the input
+  std::uint64_t instances = 0;                  ///< placements of objects; the next one's id
+  std::uint64_t triangles = 0;                  ///< in the input, of every placement
   std::uint64_t kept = 0;
+
+  /// A geometry with the next id.
+  GeometryInfo& add_geometry() {
+    GeometryInfo& geometry = geometries.emplace_back();
+    geometry.geometry_id = static_cast<std::uint32_t>(geometry_count++);
+    return geometry;
+  }
 };
 
 /// {"counts":{"dropped_degenerate":{"code":100,"count":3},...},"ignored_extensions":[...],"triangles":N,"kept":N}
 std::string to_json(const ImportReport& report);
 
+/// Which meshes become objects that are placed, and not triangles in world space.
+/// automatic: those that take at most half the bytes so. always: all whose placement can be inverted. never: none.
+enum class InstanceRule : std::uint8_t { automatic, always, never };
+
+/// Takes meshes once and how they are placed. Called from the thread that calls the TriangleSink.
+class InstanceSink {
+ public:
+  struct Object {
+    std::uint32_t number = 0;
+    Aabb box;  ///< empty: nothing of it was kept
+  };
+  struct Placed {
+    Placement world_from_object{};  ///< invertible()
+    std::uint32_t object = 0;
+    std::uint32_t geometry_base = 0;  ///< added to the object's own geometry ids, which begin with 0
+    std::uint32_t instance_id = 0;
+  };
+
+  virtual ~InstanceSink() = default;
+  /// Triangles that the TriangleSink takes from here to end_object() are the object's, in its own space.
+  virtual Status begin_object() = 0;
+  virtual Result<Object> end_object() = 0;
+  virtual Status place(const Placed& placed) = 0;
+};
+
 struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
+  InstanceRule rule = InstanceRule::automatic;
+  InstanceSink* instances = nullptr;  ///< none: everything becomes triangles in world space
 };
 
 /// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "storage/base/placement.h"
 #include "storage/base/vec3.h"
 
 namespace raymill::storage {
@@ -22,6 +23,13 @@ struct Transform {
             m[2] * p.x + m[6] * p.y + m[10] * p.z + m[14]};
   }
 };
+
+/// The same without the last row.
+Placement placement_of(const Transform& transform);
+
+/// Scale, then rotation by a quaternion x y z w of any length: q * p * q^-1 (Shoemake 1985), so rounding in the file
+/// does not scale; then translation. A quaternion of zeros rotates nothing.
+Transform from_trs(const Vec3d& translation, const std::array<double, 4>& rotation, const Vec3d& scale);
 
 inline Transform operator*(const Transform& a, const Transform& b) {
   Transform product;

@@ -82,11 +82,12 @@ TriangleWriter::TriangleWriter(TriangleSink& sink, ImportReport& report) : sink_
 }
 
 Status TriangleWriter::add(const std::array<Vec3f, 3>& corners) {
-  GeometryInfo& geometry = report_.geometries[geometry_id_];
-  if (geometry.triangles == std::numeric_limits<std::uint32_t>::max()) {
+  GeometryInfo& geometry = report_.geometries[entry_];
+  if (primitive_id_ == std::numeric_limits<std::uint32_t>::max()) {
     return {ErrorCode::unsupported, "has a geometry of 2^32 triangles, more than ids reach; split it"};
   }
-  const auto primitive_id = static_cast<std::uint32_t>(geometry.triangles++);
+  const auto primitive_id = static_cast<std::uint32_t>(primitive_id_++);
+  ++geometry.triangles;
   ++report_.triangles;
   switch (judge(corners)) {
     case TriangleVerdict::not_finite:

@@ -28,7 +28,18 @@ class TriangleWriter {
   /// Later triangles belong to the last entry of report.geometries.
   void begin_geometry() { resume_geometry(report_.geometries.size() - 1); }
   /// Later triangles belong to that entry of report.geometries, after those that it has.
-  void resume_geometry(std::size_t geometry) { geometry_id_ = static_cast<std::uint32_t>(geometry); }
+  void resume_geometry(std::size_t entry) { set_geometry(entry, report_.geometries[entry].geometry_id); }
+  /// The same under an id that is not the entry's own: of an object, or of a copy.
+  void set_geometry(std::size_t entry, std::uint32_t geometry_id) {
+    entry_ = entry;
+    geometry_id_ = geometry_id;
+    primitive_id_ = report_.geometries[entry].triangles;
+  }
+  /// Later triangles are the geometry's from its first on, once more.
+  void begin_copy(std::size_t entry, std::uint32_t geometry_id) {
+    set_geometry(entry, geometry_id);
+    primitive_id_ = 0;
+  }
   /// Judges the next triangle of the geometry. Errors: the sink's, unsupported (more triangles than primitive ids).
   Status add(const std::array<Vec3f, 3>& corners);
   /// Hands on what is left. Errors: the sink's.
@@ -48,7 +59,9 @@ class TriangleWriter {
   TriangleSink& sink_;
   ImportReport& report_;
   std::vector<Triangle> piece_;
+  std::size_t entry_ = 0;
   std::uint32_t geometry_id_ = 0;
+  std::uint64_t primitive_id_ = 0;
   bool sink_failed_ = false;
   std::uint64_t pulses_ = 0;
 };

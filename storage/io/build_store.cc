@@ -5,8 +5,11 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <limits>
 #include <new>
+#include <optional>
 #include <thread>
+#include <type_traits>
 #include <utility>
 
 #include "storage/import/scene_import.h"
@@ -33,8 +36,9 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<StoreBuilder> builder, StoreBuilder::create(config));
   for (std::size_t i = 0; i < config.scenes.size(); ++i) {
     builder->set_import_fraction(double(i) / double(config.scenes.size()));
-    RAYMILL_RETURN_IF_ERROR(
-        import_scene(config.scenes[i], {config.scene_index}, builder->ledger(), *builder, builder->import_report()));
+    RAYMILL_RETURN_IF_ERROR(import_scene(config.scenes[i],
+                                         {config.scene_index, builder->instance_rule(), builder.get()},
+                                         builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }
@@ -64,10 +68,22 @@ class StoreWriter::Impl {
     return {};
   }
 
+  // An object's meshes, for the report of each place.
+  struct Object {
+    std::vector<GeometryInfo> geometries;
+    Aabb box;
+  };
+
+  Status add(const MeshView& mesh, TriangleWriter& out);
+  Result<std::uint32_t> add_object(std::span<const MeshView> meshes);
+  Status place(std::uint32_t object, const Placement& placement);
+
   const BuildConfig config;
   const tbb::global_control workers;
   std::unique_ptr<StoreBuilder> builder;
-  Status failure;  // of an earlier call
+  std::vector<Object> objects;
+  std::optional<std::uint32_t> last_placed;  // whose geometries are the report's last
+  Status failure;                            // of an earlier call
 };
 
 StoreWriter::StoreWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -108,33 +124,130 @@ Status check(const MeshView& mesh) {
 
 }  // namespace
 
-Status StoreWriter::add(const MeshView& mesh) {
-  RAYMILL_RETURN_IF_ERROR(impl_->failure);
-  RAYMILL_RETURN_IF_ERROR(check(mesh));
-  StoreBuilder& builder = *impl_->builder;
-  ImportReport& report = builder.import_report();
-  GeometryInfo& geometry = report.geometries.emplace_back();
-  geometry.node = geometry.mesh = mesh.name;
+Status StoreWriter::Impl::add(const MeshView& mesh, TriangleWriter& out) {
   const Transform transform = mesh.world_from_mesh ? Transform{*mesh.world_from_mesh} : Transform();
   const auto corner = [&](std::size_t i) {
     const std::size_t vertex = mesh.indices.empty() ? i : mesh.indices[i];
     const Vec3f p{mesh.positions[vertex * 3], mesh.positions[vertex * 3 + 1], mesh.positions[vertex * 3 + 2]};
     return mesh.world_from_mesh ? round_once(transform.apply({p.x, p.y, p.z})) : p;
   };
-  try {
-    TriangleWriter out(builder, report);
-    out.begin_geometry();
-    const std::size_t corners = mesh.indices.empty() ? mesh.positions.size() / 3 : mesh.indices.size();
-    for (std::size_t i = 0; i < corners && impl_->failure.ok(); i += 3) {
-      impl_->failure = out.add({corner(i), corner(i + 1), corner(i + 2)});
-    }
-    if (impl_->failure.ok()) {
-      impl_->failure = out.flush();
-    }
-  } catch (const std::bad_alloc&) {
-    impl_->failure = no_memory();
+  const std::size_t corners = mesh.indices.empty() ? mesh.positions.size() / 3 : mesh.indices.size();
+  for (std::size_t i = 0; i < corners; i += 3) {
+    RAYMILL_RETURN_IF_ERROR(out.add({corner(i), corner(i + 1), corner(i + 2)}));
   }
-  return impl_->failure;
+  return out.flush();
+}
+
+// Counts and names stand in a report of their own until the object is placed.
+Result<std::uint32_t> StoreWriter::Impl::add_object(std::span<const MeshView> meshes) {
+  ImportReport report;
+  TriangleWriter out(*builder, report);
+  RAYMILL_RETURN_IF_ERROR(builder->begin_object());
+  for (const MeshView& mesh : meshes) {
+    GeometryInfo& geometry = report.add_geometry();
+    geometry.node = geometry.mesh = mesh.name;
+    geometry.primitive = geometry.geometry_id;
+    out.begin_geometry();
+    RAYMILL_RETURN_IF_ERROR(add(mesh, out));
+  }
+  RAYMILL_ASSIGN_OR_RETURN(const InstanceSink::Object object, builder->end_object());
+  for (const auto& [code, count] : report.counts) {
+    builder->import_report().counts[code] += count;
+  }
+  objects.push_back({std::move(report.geometries), object.box});
+  return object.number;
+}
+
+Status StoreWriter::Impl::place(std::uint32_t object, const Placement& placement) {
+  ImportReport& report = builder->import_report();
+  const std::vector<GeometryInfo>& geometries = objects[object].geometries;
+  const std::uint64_t base = report.geometry_count;
+  if (base + geometries.size() >= std::numeric_limits<std::uint32_t>::max()) {
+    return {ErrorCode::unsupported, "the scene has 2^32 geometries or more, more than ids reach"};
+  }
+  if (last_placed != object) {
+    report.geometries.insert(report.geometries.end(), geometries.begin(), geometries.end());
+  }
+  const auto entries = std::span(report.geometries).last(geometries.size());
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    GeometryInfo& entry = entries[i];
+    const bool again = last_placed == object;
+    entry.geometry_id = again ? entry.geometry_id : static_cast<std::uint32_t>(base + i);
+    entry.copies += again ? 1 : 0;
+    entry.stride = entry.copies > 1 ? static_cast<std::uint32_t>(entries.size()) : 1;
+    entry.triangles += again ? geometries[i].triangles : 0;
+    entry.kept += again ? geometries[i].kept : 0;
+    report.triangles += geometries[i].triangles;
+    report.kept += geometries[i].kept;
+  }
+  report.geometry_count += geometries.size();
+  last_placed = object;
+  if (objects[object].box.empty()) {
+    return {};
+  }
+  return builder->place(
+      {placement, object, static_cast<std::uint32_t>(base), static_cast<std::uint32_t>(report.instances++)});
+}
+
+namespace {
+
+// What may throw where the machine is out of memory.
+template <typename Work>
+auto guarded(Status& failure, Work&& work) -> decltype(work()) {
+  try {
+    auto result = work();
+    if constexpr (std::is_same_v<decltype(result), Status>) {
+      failure = result;
+    } else {
+      failure = result.status();
+    }
+    return result;
+  } catch (const std::bad_alloc&) {
+    failure = no_memory();
+    return failure;
+  }
+}
+
+}  // namespace
+
+Status StoreWriter::add(const MeshView& mesh) {
+  RAYMILL_RETURN_IF_ERROR(impl_->failure);
+  RAYMILL_RETURN_IF_ERROR(check(mesh));
+  return guarded(impl_->failure, [&] {
+    ImportReport& report = impl_->builder->import_report();
+    GeometryInfo& geometry = report.add_geometry();
+    geometry.node = geometry.mesh = mesh.name;
+    impl_->last_placed.reset();
+    TriangleWriter out(*impl_->builder, report);
+    out.begin_geometry();
+    return impl_->add(mesh, out);
+  });
+}
+
+Result<std::uint32_t> StoreWriter::add_object(std::span<const MeshView> meshes) {
+  RAYMILL_RETURN_IF_ERROR(impl_->failure);
+  for (const MeshView& mesh : meshes) {
+    RAYMILL_RETURN_IF_ERROR(check(mesh));
+  }
+  return guarded(impl_->failure, [&] { return impl_->add_object(meshes); });
+}
+
+Status StoreWriter::place(std::uint32_t object, const std::array<double, 16>& world_from_object) {
+  RAYMILL_RETURN_IF_ERROR(impl_->failure);
+  if (object >= impl_->objects.size()) {
+    return {ErrorCode::invalid_argument, "there is no object " + std::to_string(object) + " to be placed; " +
+                                             std::to_string(impl_->objects.size()) + " were added"};
+  }
+  const Placement placement = placement_of({world_from_object});
+  const auto& m = world_from_object;
+  const bool affine = m[3] == 0 && m[7] == 0 && m[11] == 0 && m[15] == 1;
+  const Aabb& box = impl_->objects[object].box;
+  if (!affine || !invertible(placement) || (!box.empty() && !in_range(placed_box(placement, box)))) {
+    return {ErrorCode::invalid_argument, "object " + std::to_string(object) +
+                                             " cannot be placed by a matrix that is not affine, all but singular or "
+                                             "beyond float32; add() its meshes with it"};
+  }
+  return guarded(impl_->failure, [&] { return impl_->place(object, placement); });
 }
 
 Result<BuildReport> StoreWriter::finish() {

@@ -26,7 +26,9 @@ struct BuildConfig {
   std::string codec = "zstd";         ///< raw, lz4, zstd, draco (draco needs a lattice)
   unsigned width = 8;                 ///< children of a node: 4 or 8
   std::uint32_t page_bytes = 64 << 10;  ///< decoded size limit of a page, 16 KiB to 1 MiB
-  unsigned threads = 0;                 ///< 0: one for each core; the bytes of the store do not depend on it
+  std::string instances = "auto";  ///< which meshes are stored once and placed: "auto" (where that takes at most half
+                                   ///< the bytes), "always", "never"
+  unsigned threads = 0;            ///< 0: one for each core; the bytes of the store do not depend on it
   /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build") and a fraction in
   /// [0,1]; returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress = {};
@@ -34,7 +36,9 @@ struct BuildConfig {
 
 /// Figures of a build, and its import report as JSON ({"counts":{"dropped_degenerate":{"code":100,"count":3}},...}).
 struct BuildReport {
-  std::uint64_t triangles = 0;
+  std::uint64_t triangles = 0;  ///< stored; those of an object once
+  std::uint64_t instances = 0;
+  std::uint64_t objects = 0;  ///< that are placed
   std::uint64_t nodes = 0;
   std::uint64_t pages = 0;
   std::uint64_t store_bytes = 0;
@@ -73,6 +77,8 @@ struct MeshView {
 ///
 ///   auto writer = StoreWriter::create({.output = "x.mill", .memory = gibibytes(1)});
 ///   writer->add({.name = "hull", .positions = xyz, .indices = corners});   // geometry 0, then 1, 2, ...
+///   auto tree = writer->add_object(meshes);                                // stored once ...
+///   writer->place(*tree, world_from_tree);                                 // ... and placed any number of times
 ///   auto report = writer->finish();
 ///
 /// Destruction without finish() leaves nothing behind. Thread-compatible.
@@ -87,6 +93,13 @@ class StoreWriter {
   /// Adds a geometry: the next geometry_id; primitive_id counts its triangles, dropped ones included.
   /// Errors: invalid_argument (nothing was added), disk_full, io, interrupted (the writer is done for).
   Status add(const MeshView& mesh);
+  /// Adds meshes as one object, in its own space: stored once, and nowhere in the scene until it is placed. The meshes'
+  /// matrices place them in the object. Gives the object's number. Errors: as add().
+  Result<std::uint32_t> add_object(std::span<const MeshView> meshes);
+  /// Places an object: the next instance_id; its meshes get the next geometry ids. `world_from_object` is column-major.
+  /// Errors: invalid_argument (no such object; a matrix that is not affine or all but singular: add() takes the mesh
+  /// with it), disk_full, io.
+  Status place(std::uint32_t object, const std::array<double, 16>& world_from_object);
   /// Builds the store and gives it its name. Errors: those of build(). Call once.
   Result<BuildReport> finish();
 
@@ -100,6 +113,7 @@ struct VerifyReport {
   std::uint64_t pages = 0;
   std::uint64_t bytes = 0;
   std::uint64_t triangles = 0;
+  std::uint64_t instances = 0;
 };
 /// Reads a whole store and checks every checksum, every structure rule and that every box holds its triangles.
 Result<VerifyReport> verify(const std::string& path);

@@ -49,8 +49,12 @@ nlohmann::ordered_json nodes_json(const PageView& view) {
         child["triangles"] = node.count[slot];
       } else if ((node.external >> slot & 1) != 0) {
         const ExternalRef& ref = view.externals()[node.child[slot]];
-        child["page"] = ref.page;
-        child["node"] = ref.node;
+        if (ref.kind == ExternalKind::instance) {
+          child["instance"] = ref.page;
+        } else {
+          child["page"] = ref.page;
+          child["node"] = ref.node;
+        }
         if (ref.kind == ExternalKind::leaf) {
           child["leaf_slot"] = ref.slot;
         }
@@ -80,6 +84,16 @@ nlohmann::ordered_json page_json(const PageView& view) {
     json["triangle_list"].push_back({{"geometry_id", view.geometry_id(i)},
                                      {"primitive_id", view.primitive_ids()[i]},
                                      {"corners", std::move(corners)}});
+  }
+  for (std::uint32_t i = 0; i < header.instance_count; ++i) {
+    const Instance& instance = view.instances()[i];
+    json["instances"].push_back({{"instance_id", instance.instance_id},
+                                 {"geometry_base", instance.geometry_base},
+                                 {"page", instance.page},
+                                 {"node", instance.node},
+                                 {"min", {instance.lower.x, instance.lower.y, instance.lower.z}},
+                                 {"max", {instance.upper.x, instance.upper.y, instance.upper.z}},
+                                 {"world_from_object", instance.world_from_object}});
   }
   return json;
 }
@@ -113,11 +127,13 @@ Result<VerifyReport> verify(const std::string& path) {
       return store->page_fault(page, {ErrorCode::corrupt, "decodes to another size than the directory says"});
     }
     report.triangles += PageView(frame.data()).header().triangle_count;
+    report.instances += PageView(frame.data()).header().instance_count;
     report.bytes += encoded.size();
     decoded_bytes += *size;
     ++report.pages;
   }
-  if (report.triangles != store->footer().triangle_count || decoded_bytes != store->footer().decoded_bytes) {
+  if (report.triangles != store->footer().triangle_count || report.instances != store->footer().instance_count ||
+      decoded_bytes != store->footer().decoded_bytes) {
     return {ErrorCode::corrupt, path + ": has pages that do not add up to what the footer says; rebuild it"};
   }
   return report;

@@ -41,6 +41,7 @@ struct RunPipeline::Run {
   WideTree tree;
   PagePlan plan;
   TreePlace place;
+  std::vector<Instance> instances;  // [triangle of the tree]
   std::vector<EncodedPage> pages;
 };
 
@@ -110,19 +111,19 @@ Status RunPipeline::write_top() {
     RAYMILL_ASSIGN_OR_RETURN(plan, plan_pages(top_.tree, page_cost(config_.width, config_.page_bytes)));
   }
   const auto top_pages = static_cast<std::uint32_t>(plan.pages.size());
-  next_page_ = top_pages + run_count;
+  next_page_ = config_.first_page + top_pages + run_count;
   for (std::uint32_t run = 0; run < run_count; ++run) {
-    run_root_pages_.push_back(top_pages + run);
+    run_root_pages_.push_back(config_.first_page + top_pages + run);
   }
   if (top_pages == 0) {
     return {};
   }
-  const TreePlace place{{}, {0, 1}, &run_root_pages_};
+  const TreePlace place{{}, {config_.first_page, config_.first_page + 1}, &run_root_pages_, {}};
   const PageAssembler assembler(top_.tree, plan, place);
   for (std::uint32_t node = 0; node < top_.tree.nodes.size(); ++node) {
     top_nodes_.push_back(assembler.outer_node(node));
   }
-  add_to_totals(top_.tree);
+  add_to_totals(top_.tree, 0);
   std::vector<EncodedPage> pages;
   arena_.execute([&] { pages = encode_pages(assembler, plan.pages.size()); });
   return write_pages(pages, place.numbers);
@@ -143,16 +144,27 @@ TreePlace RunPipeline::place_of(std::uint32_t run) const {
   return place;
 }
 
-void RunPipeline::build(Run& run) const {
-  run.status = [&]() -> Status {
-    RAYMILL_RETURN_IF_ERROR(load(blocks_, partition_.runs[run.index], run.triangles));
-    RAYMILL_RETURN_IF_ERROR(run.builder.build(run.triangles, run.binary));
-    run.tree = collapse(run.binary, std::move(run.triangles), config_.width, top_.places[run.index].levels);
-    run.place = place_of(run.index);
-    const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
-    RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, page_cost(config_.width, config_.page_bytes, ancestors)));
-    return {};
-  }();
+void RunPipeline::build(Run& run) const { run.status = build_tree(run); }
+
+Status RunPipeline::build_tree(Run& run) const {
+  const bool instances = partition_.holds_instances(run.index);
+  RAYMILL_RETURN_IF_ERROR(load(blocks_, partition_.runs[run.index], run.triangles));
+  RAYMILL_RETURN_IF_ERROR(run.builder.build(run.triangles, run.binary, instances ? 1 : kMaxLeafTriangles));
+  const LevelRange levels = top_.places[run.index].levels;
+  run.tree = instances ? collapse_single(run.binary, std::move(run.triangles), config_.width, levels)
+                       : collapse(run.binary, std::move(run.triangles), config_.width, levels);
+  run.place = place_of(run.index);
+  run.instances.clear();
+  for (std::size_t i = 0; instances && i < run.tree.triangles.size(); ++i) {
+    RAYMILL_ASSIGN_OR_RETURN(const Instance instance, config_.instance(run.tree.triangles[i].primitive_id));
+    run.instances.push_back(instance);
+  }
+  run.place.instances = run.instances;
+  const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
+  const PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors)
+                                  : page_cost(config_.width, config_.page_bytes, ancestors);
+  RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, cost));
+  return {};
 }
 
 void RunPipeline::number(Run& run) {
@@ -197,13 +209,14 @@ Status RunPipeline::write_pages(const std::vector<EncodedPage>& pages, const Pag
 
 Status RunPipeline::write(Run& run) {
   RAYMILL_RETURN_IF_ERROR(write_pages(run.pages, run.place.numbers));
-  add_to_totals(run.tree);
+  add_to_totals(run.tree, run.instances.size());
   run.triangles = std::move(run.tree.triangles);
-  return config_.progress ? config_.progress(totals_.triangles) : Status();
+  return config_.progress ? config_.progress(totals_.triangles + totals_.instances) : Status();
 }
 
-void RunPipeline::add_to_totals(const WideTree& tree) {
-  totals_.triangles += tree.triangles.size();
+void RunPipeline::add_to_totals(const WideTree& tree, std::size_t instances) {
+  totals_.triangles += tree.triangles.size() - instances;
+  totals_.instances += instances;
   totals_.nodes += tree.nodes.size();
   totals_.levels = std::max(totals_.levels, tree.levels);
   totals_.area_cost += tree.area_cost();

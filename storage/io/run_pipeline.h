@@ -34,6 +34,7 @@ std::uint64_t page_build_bytes(std::uint32_t page_bytes, Codec codec);
 /// Sums over all trees of a store.
 struct TreeTotals {
   std::uint64_t triangles = 0;
+  std::uint64_t instances = 0;
   std::uint64_t nodes = 0;
   unsigned levels = 0;
   double area_cost = 0;
@@ -48,6 +49,9 @@ class RunPipeline {
     PositionKind positions;
     unsigned threads = 1;
     unsigned runs_at_once = 1;
+    std::uint32_t first_page = 0;
+    /// The instance that a triangle with this primitive id stands for; called from many threads at once.
+    std::function<Result<Instance>(std::uint32_t number)> instance;
     /// Called after each run with the triangles written so far; an error ends the work.
     std::function<Status(std::uint64_t triangles)> progress;
   };
@@ -55,10 +59,12 @@ class RunPipeline {
   RunPipeline(const Config& config, BlockStore& blocks, const Partition& partition, const TopTree& top,
               StoreFileWriter& writer);
 
-  /// Writes all pages. The scene's root is node 0 of page 0. The partition's blocks are freed on the way.
-  /// Errors: invalid_argument (page size), internal, disk_full, io, progress's.
+  /// Writes all pages, beginning with first_page, whose node 0 is the root. The partition's blocks are freed on the
+  /// way. Errors: invalid_argument (page size), internal, disk_full, io, progress's.
   Status run();
   [[nodiscard]] const TreeTotals& totals() const { return totals_; }
+  /// After the last page that was written.
+  [[nodiscard]] std::uint32_t next_page() const { return next_page_; }
 
  private:
   struct EncodedPage {
@@ -70,13 +76,14 @@ class RunPipeline {
 
   Status write_top();
   void build(Run& run) const;
+  Status build_tree(Run& run) const;
   void number(Run& run);
   void encode(Run& run);
   Status write(Run& run);
   [[nodiscard]] TreePlace place_of(std::uint32_t run) const;
   [[nodiscard]] std::vector<EncodedPage> encode_pages(const PageAssembler& assembler, std::size_t count);
   Status write_pages(const std::vector<EncodedPage>& pages, const PageNumbers& numbers);
-  void add_to_totals(const WideTree& tree);
+  void add_to_totals(const WideTree& tree, std::size_t instances);
 
   const Config config_;
   tbb::task_arena arena_{static_cast<int>(config_.threads)};

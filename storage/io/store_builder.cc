@@ -5,7 +5,6 @@
 #include <thread>
 #include <utility>
 
-#include "storage/io/run_pipeline.h"
 #include "storage/io/store_metadata.h"
 
 namespace raymill::storage {
@@ -15,6 +14,8 @@ namespace {
 constexpr std::uint64_t kBaseSlackBytes = 8 << 20;
 constexpr std::uint32_t kLeastOpenBuckets = 8;
 constexpr std::uint32_t kMostOpenBuckets = 4096;
+// An instance takes three times a triangle's bytes.
+constexpr std::uint64_t kRunInstances = 1 << 16;
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -55,6 +56,11 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
     return {ErrorCode::invalid_argument,
             "--codec draco codes integers; give a lattice too, such as --positions lattice:16b"};
   }
+  if (config.instances == "always" || config.instances == "never") {
+    plan.instances = config.instances == "always" ? InstanceRule::always : InstanceRule::never;
+  } else if (config.instances != "auto") {
+    return {ErrorCode::invalid_argument, "--instances " + config.instances + " is none of auto, always and never"};
+  }
   plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   return plan;
 }
@@ -74,11 +80,13 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       probe_(std::move(probe)),
       ledger_(config.memory),
       blocks_(ledger_, temporary_folder(probe_)),
-      spool_(blocks_, plan_.threads > 1) {}
+      spool_(blocks_, plan_.threads > 1),
+      instances_(blocks_) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
   RAYMILL_ASSIGN_OR_RETURN(spool_claim_, ledger_.claim(Tag::build, spool_.bytes()));
+  RAYMILL_ASSIGN_OR_RETURN(instances_claim_, ledger_.claim(Tag::build, kBlockBytes));
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
@@ -95,8 +103,32 @@ Status StoreBuilder::step(const char* phase, double fraction) const {
 }
 
 Status StoreBuilder::add(std::span<const Triangle> triangles) {
-  RAYMILL_RETURN_IF_ERROR(spool_.add(triangles));
+  if (object_) {
+    for (const Triangle& t : triangles) {
+      RAYMILL_RETURN_IF_ERROR(object_->add(t));
+    }
+  } else {
+    RAYMILL_RETURN_IF_ERROR(spool_.add(triangles));
+  }
   return step("import", import_fraction_);
+}
+
+Status StoreBuilder::begin_object() {
+  object_.emplace(blocks_);
+  return {};
+}
+
+Result<InstanceSink::Object> StoreBuilder::end_object() {
+  RAYMILL_ASSIGN_OR_RETURN(TriangleBucket bucket, object_->take());
+  object_.reset();
+  const Object object{static_cast<std::uint32_t>(objects_.size()), bucket.box};
+  objects_.emplace_back().bucket = std::move(bucket);
+  return object;
+}
+
+Status StoreBuilder::place(const Placed& placed) {
+  ++objects_[placed.object].placed;
+  return instances_.add(placed);
 }
 
 Status StoreBuilder::needs(std::uint64_t triangles, std::uint64_t bytes) const {
@@ -105,19 +137,15 @@ Status StoreBuilder::needs(std::uint64_t triangles, std::uint64_t bytes) const {
                                           " given; raise --memory"};
 }
 
-Result<Partition> StoreBuilder::partition(Lattice& lattice) {
-  RAYMILL_RETURN_IF_ERROR(step("partition", 0));
-  RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
-  spool_claim_ = {};
-  lattice = Lattice(plan_.positions, all.box);
-  if (all.count <= run_triangles_ && !lattice.active()) {
-    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles_, kLeastOpenBuckets, 1, {}});
+Result<Partition> StoreBuilder::partition(TriangleBucket all, std::uint64_t run_triangles, Lattice& lattice) {
+  if (all.count <= run_triangles && !lattice.active()) {
+    return partition_triangles(blocks_, std::move(all), lattice, {run_triangles, kLeastOpenBuckets, 1, {}});
   }
   PartitionConfig config;
-  config.run_triangles = run_triangles_;
+  config.run_triangles = run_triangles;
   config.most_open_buckets = kLeastOpenBuckets;
   config.threads = plan_.threads;
-  const std::uint64_t useful = all.count / run_triangles_ * 8 + 2;  // parts have an eighth of a run or more
+  const std::uint64_t useful = all.count / run_triangles * 8 + 2;  // parts have an eighth of a run or more
   while (config.most_open_buckets < std::min<std::uint64_t>(kMostOpenBuckets, useful) &&
          partition_bytes(config.most_open_buckets * 2, config.threads, all.count) <= ledger_.free_bytes()) {
     config.most_open_buckets *= 2;
@@ -135,14 +163,62 @@ Result<Partition> StoreBuilder::partition(Lattice& lattice) {
   return partition_triangles(blocks_, std::move(all), lattice, config);
 }
 
+void StoreBuilder::count_dropped(const Partition& parts, std::uint64_t placements) {
+  if (parts.dropped_degenerate > 0) {
+    import_report_.counts[ImportCode::dropped_degenerate] += parts.dropped_degenerate;
+    import_report_.kept -= parts.dropped_degenerate * placements;
+  }
+}
+
+// One step for all: objects keep it in their own space.
+Result<Partition> StoreBuilder::partition(Lattice& lattice) {
+  RAYMILL_RETURN_IF_ERROR(step("partition", 0));
+  RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
+  spool_claim_ = {};
+  Aabb extent = all.box;
+  for (const Tree& object : objects_) {
+    extent.grow(object.bucket.box);
+  }
+  lattice = Lattice(plan_.positions, extent);
+  RAYMILL_ASSIGN_OR_RETURN(Partition scene, partition(std::move(all), run_triangles_, lattice));
+  count_dropped(scene, 1);
+  for (Tree& object : objects_) {
+    RAYMILL_ASSIGN_OR_RETURN(object.parts, partition(std::move(object.bucket), run_triangles_, lattice));
+    count_dropped(object.parts, object.placed);
+  }
+  RAYMILL_ASSIGN_OR_RETURN(TriangleBucket boxes, stand_ins());
+  Lattice none;
+  RAYMILL_ASSIGN_OR_RETURN(Partition instances,
+                           partition(std::move(boxes), std::min(run_triangles_, kRunInstances), none));
+  return join(std::move(scene), std::move(instances));
+}
+
+// Of all instances of objects that have a triangle left.
+Result<TriangleBucket> StoreBuilder::stand_ins() {
+  RAYMILL_RETURN_IF_ERROR(instances_.finish());
+  BucketWriter out(blocks_);
+  for (std::uint64_t i = 0; i < instances_.count(); ++i) {
+    RAYMILL_ASSIGN_OR_RETURN(const Placed placed, instances_.read(i));
+    const Partition& object = objects_[placed.object].parts;
+    if (!object.nodes.empty()) {
+      RAYMILL_RETURN_IF_ERROR(
+          out.add(stand_in(placed_box(placed.world_from_object, object.nodes[0].box), static_cast<std::uint32_t>(i))));
+    }
+  }
+  return out.take();
+}
+
 StoreHeader StoreBuilder::header(const Lattice& lattice) const {
   StoreHeader header;
   header.features = static_cast<std::uint64_t>(Feature::triangles);
-  if (import_report_.geometries.size() > 1) {
+  if (import_report_.geometry_count > 1) {
     header.features |= static_cast<std::uint64_t>(Feature::geometry_ids);
   }
   if (lattice.active()) {
     header.features |= static_cast<std::uint64_t>(Feature::lattice);
+  }
+  if (instances_.count() > 0) {
+    header.features |= static_cast<std::uint64_t>(Feature::instances);
   }
   header.page_bytes = config_.page_bytes;
   header.width = static_cast<std::uint8_t>(config_.width);
@@ -157,10 +233,6 @@ Result<BuildReport> StoreBuilder::finish() {
   const auto partition_start = Clock::now();
   Lattice lattice;
   RAYMILL_ASSIGN_OR_RETURN(const Partition parts, partition(lattice));
-  if (parts.dropped_degenerate > 0) {
-    import_report_.counts[ImportCode::dropped_degenerate] += parts.dropped_degenerate;
-    import_report_.kept -= parts.dropped_degenerate;
-  }
   report_.import_json = to_json(import_report_);
   report_.max_displacement = lattice.max_displacement();
   report_.partition_seconds = seconds_since(partition_start);
@@ -173,59 +245,20 @@ Result<BuildReport> StoreBuilder::finish() {
   }
   const auto build_start = Clock::now();
   RAYMILL_RETURN_IF_ERROR(step("build", 0));
-  RAYMILL_ASSIGN_OR_RETURN(const TopTree top, build_top_tree(parts, config_.width));
+  RAYMILL_ASSIGN_OR_RETURN(const unsigned level, object_level(parts));
   RAYMILL_ASSIGN_OR_RETURN(StoreFileWriter writer, StoreFileWriter::create(config_.output, header(lattice)));
-
-  const PartitionNode& root = parts.nodes[0];
-  std::uint64_t largest_run = 0;
-  for (const TriangleBucket& run : parts.runs) {
-    largest_run = std::max(largest_run, run.count);
-  }
-  // The directory grows by doubling; decoded pages hold 20 bytes a triangle or more.
-  const std::uint64_t directory = 2 * sizeof(PageEntry) * (root.count * 40 / config_.page_bytes + 64);
-  const std::uint64_t a_run = run_build_bytes(largest_run);
-  const std::uint64_t a_page = page_build_bytes(config_.page_bytes, plan_.codec);
-  const std::uint64_t free = ledger_.free_bytes() - std::min(ledger_.free_bytes(), directory);
-  const auto threads =
-      static_cast<unsigned>(std::clamp<std::uint64_t>((free - std::min(free, a_run)) / a_page, 1, plan_.threads));
-  // A run more than threads, so that one is read while the others are built.
-  const auto most_runs = static_cast<unsigned>(std::min<std::uint64_t>(parts.runs.size(), threads + 1));
-  const std::uint64_t left = free - std::min(free, threads * a_page);
-  const auto runs_at_once = static_cast<unsigned>(std::clamp<std::uint64_t>(left / a_run, 1, most_runs));
-  const Result<BudgetReservation> claim =
-      ledger_.claim(Tag::build, directory + threads * a_page + runs_at_once * a_run);
-  if (!claim) {
-    return needs(root.count, base_.bytes() + blocks_.memory_bytes() + directory + a_page + a_run);
-  }
-  RunPipeline::Config config{
-      config_.width, config_.page_bytes, plan_.codec, {lattice.active(), lattice.step_exponent()},
-      threads,       runs_at_once,       {}};
-  config.progress = [&](std::uint64_t done) { return step("build", double(done) / double(root.count)); };
-  RunPipeline pipeline(config, blocks_, parts, top, writer);
-  RAYMILL_RETURN_IF_ERROR(pipeline.run());
-
-  const TreeTotals& totals = pipeline.totals();
   StoreFooter footer;
-  footer.triangle_count = totals.triangles;
-  footer.node_count = totals.nodes;
-  footer.geometry_count = import_report_.geometries.size();
-  footer.levels = totals.levels;
-  footer.root_page = 0;
-  footer.root_node = 0;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    footer.bounds_min[axis] = root.box.lower[static_cast<int>(axis)];
-    footer.bounds_max[axis] = root.box.upper[static_cast<int>(axis)];
-  }
+  footer.geometry_count = import_report_.geometry_count;
+  RAYMILL_RETURN_IF_ERROR(write_trees(parts, level, {lattice.active(), lattice.step_exponent()}, writer, footer));
   report_.decoded_bytes = writer.decoded_bytes();
   report_.pages = writer.page_count();
   RAYMILL_RETURN_IF_ERROR(writer.finish(footer, metadata_json(import_report_)));
-  report_.triangles = totals.triangles;
-  report_.nodes = totals.nodes;
-  report_.levels = totals.levels;
+  report_.triangles = footer.triangle_count;
+  report_.instances = footer.instance_count;
+  report_.objects = footer.object_count;
+  report_.nodes = footer.node_count;
+  report_.levels = footer.levels;
   report_.runs = parts.runs.size();
-  report_.runs_at_once = runs_at_once;
-  const double root_area = root.box.half_area();
-  report_.sah_cost = root_area > 0 ? 1 + totals.area_cost / root_area : 0;
   report_.store_bytes = writer.written_bytes();
   report_.temporary_bytes = blocks_.file_bytes();
   report_.temporary_folder = blocks_.folder();

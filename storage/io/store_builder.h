@@ -3,6 +3,9 @@
 //   add() --> spool --partition--> runs --each: SAH tree, wide tree, page plan--> pages --> file
 //             (blocks)             top tree over the runs' roots ------------------^
 //
+// Each object is such a tree of its own, and the first in the file; then comes the scene's, whose runs are those of the
+// triangles in world space and those of the instances.
+//
 // What comes out depends on the triangles and their order alone: neither on the threads nor on the memory. Runs are
 // built side by side and written in order, so a page is numbered before the next run's pages are known; references to a
 // run's root, which other runs' escape tables need earlier, are settled in advance (PageNumbers). Thread-confined.
@@ -11,24 +14,28 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "storage/base/atomic_file.h"
 #include "storage/base/block_store.h"
 #include "storage/base/ledger.h"
 #include "storage/base/status.h"
+#include "storage/build/instance_spool.h"
 #include "storage/build/partition.h"
 #include "storage/build/top_tree.h"
 #include "storage/build/triangle_spool.h"
 #include "storage/import/scene_import.h"
 #include "storage/io/build_store.h"
+#include "storage/io/run_pipeline.h"
 #include "storage/io/store_file_writer.h"
 #include "storage/pages/codec.h"
 
 namespace raymill::storage {
 
-class StoreBuilder final : public TriangleSink {
+class StoreBuilder final : public TriangleSink, public InstanceSink {
  public:
   /// `config` must outlive the builder; its scenes are not read here. `run_triangles`: smaller only in tests.
   /// Errors: invalid_argument, budget_exceeded, and those of a file that cannot be written.
@@ -38,11 +45,15 @@ class StoreBuilder final : public TriangleSink {
   Ledger& ledger() { return ledger_; }
   /// What the triangles are called; whoever adds them fills it.
   ImportReport& import_report() { return import_report_; }
+  [[nodiscard]] InstanceRule instance_rule() const { return plan_.instances; }
   /// For progress: the share of the input that has been added.
   void set_import_fraction(double fraction) { import_fraction_ = fraction; }
 
   /// Errors: disk_full, io, interrupted.
   Status add(std::span<const Triangle> triangles) override;
+  Status begin_object() override;
+  Result<Object> end_object() override;
+  Status place(const Placed& placed) override;
   /// Builds and writes the store. Errors: bad_scene (nothing to hit), budget_exceeded, unsupported, disk_full, io,
   /// interrupted, internal.
   Result<BuildReport> finish();
@@ -51,17 +62,39 @@ class StoreBuilder final : public TriangleSink {
   struct Plan {
     Codec codec = Codec::zstd;
     PositionsRequest positions;
+    InstanceRule instances = InstanceRule::automatic;
     unsigned threads = 1;
   };
   using Clock = std::chrono::steady_clock;
+
+  // An object, from its triangles to where its root stands.
+  struct Tree {
+    TriangleBucket bucket;
+    Partition parts;
+    std::uint32_t root_page = 0;
+    std::uint64_t placed = 0;
+  };
 
   StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t run_triangles, AtomicFile probe);
   static Result<Plan> check(const BuildConfig& config);
   Status claim_base();
   [[nodiscard]] Status step(const char* phase, double fraction) const;
   [[nodiscard]] StoreHeader header(const Lattice& lattice) const;
+  /// All triangles and instances, cut into runs; objects each for themselves.
   Result<Partition> partition(Lattice& lattice);
+  Result<Partition> partition(TriangleBucket all, std::uint64_t run_triangles, Lattice& lattice);
+  void count_dropped(const Partition& parts, std::uint64_t placements);
+  Result<TriangleBucket> stand_ins();
   [[nodiscard]] Status needs(std::uint64_t triangles, std::uint64_t bytes) const;
+
+  // In store_builder_trees.cc:
+  /// The levels that objects begin with; 0 where there are none.
+  [[nodiscard]] Result<unsigned> object_level(const Partition& scene) const;
+  Status write_trees(const Partition& scene, unsigned object_level, const PositionKind& positions,
+                     StoreFileWriter& writer, StoreFooter& footer);
+  Result<TreeTotals> write_tree(const Partition& parts, LevelRange levels, const PositionKind& positions,
+                                StoreFileWriter& writer, std::uint32_t& next_page);
+  [[nodiscard]] Result<Instance> instance(std::uint32_t number) const;
 
   const BuildConfig& config_;
   const Plan plan_;
@@ -72,6 +105,12 @@ class StoreBuilder final : public TriangleSink {
   BlockStore blocks_;
   TriangleSpool spool_;
   BudgetReservation spool_claim_;
+  std::optional<BucketWriter> object_;  // that comes in
+  std::vector<Tree> objects_;
+  InstanceSpool instances_;
+  BudgetReservation instances_claim_;
+  std::uint64_t in_trees_ = 0;  // triangles and instances of trees that are written
+  std::uint64_t in_all_ = 0;    // of all
   ImportReport import_report_;
   BuildReport report_;
   double import_fraction_ = 0;

@@ -9,15 +9,18 @@ namespace raymill::storage {
 std::string metadata_json(const ImportReport& report) {
   nlohmann::ordered_json json;
   json["geometries"] = nlohmann::ordered_json::array();
-  std::uint32_t id = 0;
   for (const GeometryInfo& geometry : report.geometries) {
-    json["geometries"].push_back({{"geometry_id", id++},
+    json["geometries"].push_back({{"geometry_id", geometry.geometry_id},
                                   {"file", geometry.file},
                                   {"node", geometry.node},
                                   {"mesh", geometry.mesh},
                                   {"primitive", geometry.primitive},
                                   {"triangles", geometry.triangles},
                                   {"kept", geometry.kept}});
+    if (geometry.copies != 1) {
+      json["geometries"].back()["copies"] = geometry.copies;
+      json["geometries"].back()["stride"] = geometry.stride;
+    }
   }
   json["cameras"] = nlohmann::ordered_json::array();
   for (const CameraInfo& camera : report.cameras) {

@@ -23,6 +23,7 @@ PageHeader page_header(const EncodedHeader& encoded) {
   header.triangle_count = encoded.triangle_count;
   header.vertex_count = encoded.vertex_count;
   header.geometry_count = encoded.geometry_count;
+  header.instance_count = encoded.instance_count;
   lay_out(header);
   return header;
 }
@@ -34,8 +35,7 @@ Status check_header(const EncodedHeader& header, const PageRules& rules) {
   constexpr std::uint32_t kMost = 0x10000;
   const bool known = header.page_type == kPageTypeTriangles &&
                      header.codec <= static_cast<std::uint8_t>(Codec::draco) && header.width == rules.width &&
-                     header.geometry_index_bytes <= 2 &&
-                     (header.reserved[0] | header.reserved[1] | header.reserved[2]) == 0;
+                     header.geometry_index_bytes <= 2 && header.reserved == 0;
   const bool in_range = header.external_count <= kMost && header.triangle_count <= kMost &&
                         header.vertex_count <= kMost && header.geometry_count <= kMost;
   return known && in_range ? Status{} : corrupt("is of no known type");

@@ -39,7 +39,8 @@ struct EncodedHeader {
   std::uint8_t codec = 0;
   std::uint8_t width = 0;
   std::uint8_t geometry_index_bytes = 0;
-  std::uint8_t reserved[3] = {};
+  std::uint8_t reserved = 0;
+  std::uint16_t instance_count = 0;
   std::uint16_t node_count = 0;
   std::uint16_t ghost_count = 0;
   std::uint32_t external_count = 0;

@@ -119,7 +119,10 @@ class Assembly {
 
   void fill_child(Node<N>& node, std::uint32_t index, unsigned slot) {
     const WideNode& source = tree_.nodes[index];
-    if (source.is_leaf(slot)) {
+    if (source.is_leaf(slot) && !place_.instances.empty()) {
+      refer(node, slot, {static_cast<std::uint32_t>(instances_.size()), 0, 0, ExternalKind::instance});
+      instances_.push_back(place_.instances[source.child[slot]]);
+    } else if (source.is_leaf(slot)) {
       node.leaf = static_cast<std::uint8_t>(node.leaf | 1U << slot);
       node.count[slot] = source.count[slot];
       node.child[slot] = static_cast<std::uint16_t>(triangles_.size());
@@ -192,6 +195,7 @@ class Assembly {
     header.vertex_count = vertex_count;
     header.geometry_count = static_cast<std::uint32_t>(geometries.size());
     header.geometry_index_bytes = geometries.size() <= 1 ? 0 : geometries.size() <= 256 ? 1 : 2;
+    header.instance_count = static_cast<std::uint32_t>(instances_.size());
     lay_out(header);
 
     PageBuffer image(header.image_bytes);
@@ -205,6 +209,7 @@ class Assembly {
     copy(header.externals_offset, externals_);
     copy(header.vertices_offset, positions);
     copy(header.indices_offset, indices);
+    copy(instances_offset(header), instances_);
     write_ids(header, geometries, image);
     return image;
   }
@@ -249,6 +254,7 @@ class Assembly {
   std::vector<Node<N>> nodes_;
   std::vector<ExternalRef> externals_;
   std::vector<std::uint32_t> triangles_;  // of the tree, in page order
+  std::vector<Instance> instances_;
 };
 
 // Boxes of a page's own subtrees, bottom up: children stand behind their parents.
@@ -276,7 +282,12 @@ Status check_boxes_of(const PageView& view) {
             inside.grow(view.vertices()[view.indices()[t * 3 + corner]]);
           }
         }
-      } else if ((node.external >> slot & 1) == 0) {
+      } else if ((node.external >> slot & 1) != 0) {
+        const ExternalRef& ref = view.externals()[node.child[slot]];
+        if (ref.kind == ExternalKind::instance) {
+          inside = {view.instances()[ref.page].lower, view.instances()[ref.page].upper};
+        }
+      } else {
         if (node.child[slot] <= i) {
           return {ErrorCode::corrupt, "page has a node that stands before its parent"};
         }
@@ -305,6 +316,13 @@ PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ances
   cost.triangle_bytes = 3 * sizeof(std::uint16_t) + sizeof(std::uint32_t) + sizeof(std::uint16_t);
   cost.vertex_bytes = sizeof(Vec3f);
   cost.geometry_bytes = sizeof(std::uint32_t);
+  return cost;
+}
+
+PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors) {
+  PageCost cost = page_cost(width, page_bytes, ancestors);
+  cost.triangle_bytes = sizeof(Instance) + sizeof(ExternalRef);
+  cost.vertex_bytes = cost.geometry_bytes = 0;
   return cost;
 }
 

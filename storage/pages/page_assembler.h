@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "storage/base/aligned.h"
@@ -18,6 +19,8 @@ namespace raymill::storage {
 /// What each thing costs in the decoded page, for plan_pages. `ancestors`: nodes above the tree, which each page
 /// copies.
 PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0);
+/// The same for a tree over instances, each of which stands in its place as a triangle would.
+PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0);
 
 /// A node above the tree that is assembled: what its ghosts in the tree's pages are made of.
 struct OuterNode {
@@ -38,6 +41,7 @@ struct TreePlace {
   std::vector<OuterNode> ancestors;  ///< of the tree's root; the scene's root first
   PageNumbers numbers;
   const std::vector<std::uint32_t>* run_root_pages = nullptr;  ///< [run]: where an outer child's root is node 0
+  std::span<const Instance> instances;                         ///< [triangle]: what stands for it; else empty
 };
 
 class PageAssembler {

@@ -25,6 +25,7 @@ EncodedHeader encoded_header(const PageHeader& header, Codec codec) {
   encoded.triangle_count = header.triangle_count;
   encoded.vertex_count = header.vertex_count;
   encoded.geometry_count = header.geometry_count;
+  encoded.instance_count = static_cast<std::uint16_t>(header.instance_count);
   return encoded;
 }
 
@@ -85,6 +86,9 @@ std::vector<std::byte> PageEncoder::encode(std::span<const std::byte> image) {
   std::span<const std::byte> compressed = image.subspan(sizeof(PageHeader));  // raw
   if (codec != Codec::raw) {
     write_structure(view, streams);
+    if (codec == Codec::draco && view.header().triangle_count == 0) {
+      codec = Codec::zstd;  // instances alone: no mesh
+    }
     if (codec == Codec::draco) {
       if (auto encoded = encode_draco(view, positions_, streams); encoded) {
         mesh = std::move(*encoded);

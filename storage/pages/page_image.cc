@@ -1,5 +1,6 @@
 #include "storage/pages/page_image.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <string>
@@ -37,7 +38,8 @@ class NodeChecker {
       return "lies deeper than the store's tree";
     }
     const bool root = node.parent == kNoParent;
-    if (root != (node.level == 0) || (!root && node.parent >= total)) {
+    const bool root_level = node.level == 0 || node.level == rules_.object_level;
+    if (root != root_level || (!root && node.parent >= total)) {
       return "has a parent that cannot be";
     }
     if (!root && nodes_[node.parent].level + 1 != node.level) {
@@ -82,6 +84,10 @@ class NodeChecker {
         if (!ghost && externals_[child].kind == ExternalKind::leaf) {
           return "refers to a leaf in another page";
         }
+        // Objects hold no instances, and an ancestor's instances are in the ancestor's page.
+        if (externals_[child].kind == ExternalKind::instance && (ghost || node.level >= rules_.object_level)) {
+          return "refers to an instance where none can be";
+        }
       } else if (child >= header_.node_count || nodes_[child].parent != i) {
         return "has a child that does not name it as parent";
       }
@@ -107,7 +113,8 @@ Status check_header(const PageHeader& header, std::size_t image_bytes, const Pag
   if (header.image_bytes != image_bytes || header.image_bytes > rules.page_bytes ||
       std::uint32_t(header.node_count) + header.ghost_count >= kNoParent || header.node_count == 0 ||
       header.external_count > 0x10000 || header.triangle_count > 0x10000 || header.vertex_count > 0x10000 ||
-      header.geometry_count > 0x10000 || (header.triangle_count > 0 && header.geometry_count == 0) ||
+      header.geometry_count > 0x10000 || header.instance_count > (rules.object_level != 0 ? 0xFFFFU : 0U) ||
+      (header.triangle_count > 0 && header.geometry_count == 0) ||
       (header.geometry_index_bytes == 0 && header.geometry_count > 1) ||
       std::bit_cast<std::array<std::byte, sizeof(PageHeader)>>(expected) !=
           std::bit_cast<std::array<std::byte, sizeof(PageHeader)>>(header)) {
@@ -116,13 +123,38 @@ Status check_header(const PageHeader& header, std::size_t image_bytes, const Pag
   return {};
 }
 
+const char* fault_of(const Instance& instance, const PageRules& rules) {
+  const auto finite = [](double x) { return std::isfinite(x); };
+  const auto& m = instance.world_from_object;
+  const double det = determinant(m);
+  if (!std::all_of(m.begin(), m.end(), finite) || !std::isfinite(det) || det == 0) {
+    return "that cannot be inverted";
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(instance.lower[axis] <= instance.upper[axis]) || !finite(instance.lower[axis]) ||
+        !finite(instance.upper[axis])) {
+      return "whose box is none";
+    }
+  }
+  if (instance.page >= rules.page_count || instance.geometry_base >= rules.geometry_count) {
+    return "of an object that is not there";
+  }
+  return nullptr;
+}
+
 Status check_arrays(const PageView& view, const PageRules& rules) {
   const PageHeader& header = view.header();
   for (std::uint32_t i = 0; i < header.external_count; ++i) {
     const ExternalRef& ref = view.externals()[i];
-    if (ref.page >= rules.page_count || ref.slot >= rules.width ||
-        (ref.kind != ExternalKind::node && ref.kind != ExternalKind::leaf)) {
+    const bool instance = ref.kind == ExternalKind::instance;
+    if (ref.page >= (instance ? header.instance_count : rules.page_count) || ref.slot >= rules.width ||
+        (!instance && ref.kind != ExternalKind::node && ref.kind != ExternalKind::leaf)) {
       return bad("refers to a page that is not there");
+    }
+  }
+  for (std::uint32_t i = 0; i < header.instance_count; ++i) {
+    if (const char* fault = fault_of(view.instances()[i], rules); fault != nullptr) {
+      return bad("has an instance " + std::string(fault));
     }
   }
   for (std::uint32_t i = 0; i < header.vertex_count; ++i) {
@@ -171,7 +203,12 @@ void lay_out(PageHeader& header) {
   place(header.primitive_ids_offset, std::uint64_t(header.triangle_count) * sizeof(std::uint32_t));
   place(header.geometries_offset, std::uint64_t(header.geometry_count) * sizeof(std::uint32_t));
   place(header.geometry_indices_offset, std::uint64_t(header.triangle_count) * header.geometry_index_bytes);
-  header.image_bytes = align(offset);
+  header.image_bytes = align(align(offset) + std::uint64_t(header.instance_count) * sizeof(Instance));
+}
+
+std::uint32_t instances_offset(const PageHeader& header) {
+  return align(std::uint64_t(header.geometry_indices_offset) +
+               std::uint64_t(header.triangle_count) * header.geometry_index_bytes);
 }
 
 Status validate_image(std::span<const std::byte> image, const PageRules& rules) {

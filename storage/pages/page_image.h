@@ -1,6 +1,6 @@
 // The decoded page: what stands in memory while rays run through it.
 //
-//   PageHeader | nodes, ghosts | external references | vertices | indices | primitive ids | geometry ids
+//   PageHeader | nodes, ghosts | external references | vertices | indices | primitive ids | geometry ids | instances
 //
 // A page is one relocatable image without pointers. Local nodes come first, then ghosts: copies of ancestors that stand
 // in other pages, whose children are all external references. The ghosts of a node's parent chain are the escape
@@ -14,6 +14,7 @@
 #include <span>
 #include <type_traits>
 
+#include "storage/base/placement.h"
 #include "storage/base/status.h"
 #include "storage/base/types.h"
 #include "storage/base/vec3.h"
@@ -44,17 +45,18 @@ struct PageHeader {
   std::uint32_t primitive_ids_offset = 0;
   std::uint32_t geometries_offset = 0;
   std::uint32_t geometry_indices_offset = 0;
-  std::uint32_t reserved = 0;
+  std::uint32_t instance_count = 0;  ///< they stand last: instances_offset()
 };
 static_assert(sizeof(PageHeader) == 64 && std::is_trivially_copyable_v<PageHeader>);
 /// Nodes come first, so a reference's target is known without a look at the header.
 constexpr std::uint32_t kNodesOffset = sizeof(PageHeader);
 static_assert(kNodesOffset % kPageAlignment == 0);
 
-/// What a child reference in another page names.
+/// What a child that is an external reference names.
 enum class ExternalKind : std::uint8_t {
-  node = 0,  ///< enter the node
-  leaf = 1,  ///< test the leaf in `slot` of the node
+  node = 0,      ///< enter the node
+  leaf = 1,      ///< test the leaf in `slot` of the node, or enter the instance there
+  instance = 2,  ///< enter an instance of this page: `page` is its number in the page's table
 };
 
 struct ExternalRef {
@@ -64,6 +66,19 @@ struct ExternalRef {
   ExternalKind kind = ExternalKind::node;
 };
 static_assert(sizeof(ExternalRef) == 8 && std::is_trivially_copyable_v<ExternalRef>);
+
+/// A placed object: a tree of its own, in its own space. Its root stands at the store's object level, so one bitstack
+/// covers the levels above the instance and those of the object.
+struct Instance {
+  Placement world_from_object{};  ///< finite, its determinant too, and that not 0
+  Vec3f lower, upper;             ///< world box, which holds the object's box as it is placed
+  std::uint32_t page = 0;         ///< of the object's root
+  std::uint16_t node = 0;
+  std::uint16_t unused = 0;
+  std::uint32_t geometry_base = 0;  ///< geometry id of a hit: this and the id that stands in the object
+  std::uint32_t instance_id = 0;
+};
+static_assert(sizeof(Instance) == 136 && std::is_trivially_copyable_v<Instance>);
 
 /// A node of N children with boxes of 8 bits a plane: plane = base + q * 2^exponent, product exact, sum rounded once.
 /// The decoded box holds everything below the child; the builder proves it for each box.
@@ -97,6 +112,8 @@ inline float decode_plane(float base, float scale, std::uint8_t q) { return base
 
 /// Fills the offsets and image_bytes from the counts, width and geometry_index_bytes.
 void lay_out(PageHeader& header);
+/// Where the instances stand.
+std::uint32_t instances_offset(const PageHeader& header);
 
 /// Typed access to an image. Immutable view; the image must outlive it.
 class PageView {
@@ -127,6 +144,7 @@ class PageView {
         return table[at<std::uint16_t>(header().geometry_indices_offset)[triangle]];
     }
   }
+  [[nodiscard]] const Instance* instances() const { return at<Instance>(instances_offset(header())); }
 
  private:
   template <typename T>
@@ -140,6 +158,7 @@ class PageView {
 struct PageRules {
   unsigned width = 8;
   unsigned levels = 0;
+  unsigned object_level = 0;  ///< of the roots of objects; 0: the store has none
   std::uint32_t page_bytes = 0;
   std::uint32_t page_count = 0;
   std::uint64_t geometry_count = 0;

@@ -151,6 +151,9 @@ void read_nodes(PlaneReader& in, std::byte* image) {
   }
 }
 
+// In the place of slot and kind.
+constexpr std::uint8_t kInstanceCode = 0x80;
+
 void write_externals(const PageView& view, PlaneWriter& out) {
   const std::size_t count = view.header().external_count;
   std::vector<std::uint32_t> pages(count);
@@ -162,7 +165,9 @@ void write_externals(const PageView& view, PlaneWriter& out) {
     pages[i] = zigzag(ref.page - last);
     last = ref.page;
     nodes[i] = ref.node;
-    slots[i] = static_cast<std::uint8_t>(ref.slot << 1 | static_cast<std::uint8_t>(ref.kind));
+    slots[i] = ref.kind == ExternalKind::instance
+                   ? kInstanceCode
+                   : static_cast<std::uint8_t>(ref.slot << 1 | static_cast<std::uint8_t>(ref.kind));
   }
   out.put(std::span<const std::uint32_t>(pages));
   out.put(std::span<const std::uint16_t>(nodes));
@@ -182,7 +187,9 @@ void read_externals(PlaneReader& in, std::byte* image) {
   std::uint32_t last = 0;
   for (std::size_t i = 0; i < count; ++i) {
     last += unzigzag(pages[i]);
-    refs[i] = {last, nodes[i], static_cast<std::uint8_t>(slots[i] >> 1), static_cast<ExternalKind>(slots[i] & 1)};
+    refs[i] = slots[i] == kInstanceCode ? ExternalRef{last, nodes[i], 0, ExternalKind::instance}
+                                        : ExternalRef{last, nodes[i], static_cast<std::uint8_t>(slots[i] >> 1),
+                                                      static_cast<ExternalKind>(slots[i] & 1)};
   }
 }
 
@@ -202,6 +209,34 @@ void read_deltas(PlaneReader& in, std::span<std::uint32_t> values) {
   for (std::uint32_t& value : values) {
     last += unzigzag(value);
     value = last;
+  }
+}
+
+// An instance is 34 words; word by word over all of them, each as its difference from the instance before.
+constexpr std::size_t kInstanceWords = sizeof(Instance) / sizeof(std::uint32_t);
+static_assert(sizeof(Instance) % sizeof(std::uint32_t) == 0);
+
+void write_instances(const PageView& view, PlaneWriter& out) {
+  const std::size_t count = view.header().instance_count;
+  std::vector<std::uint32_t> words(count);
+  for (std::size_t word = 0; word < kInstanceWords && count > 0; ++word) {
+    for (std::size_t i = 0; i < count; ++i) {
+      std::memcpy(&words[i], reinterpret_cast<const std::byte*>(view.instances() + i) + word * sizeof words[i],
+                  sizeof words[i]);
+    }
+    write_deltas(words, out);
+  }
+}
+
+void read_instances(PlaneReader& in, std::byte* image) {
+  const PageHeader& header = PageView(image).header();
+  auto* instances = array_at<std::byte>(image, instances_offset(header));
+  std::vector<std::uint32_t> words(header.instance_count);
+  for (std::size_t word = 0; word < kInstanceWords && !words.empty(); ++word) {
+    read_deltas(in, words);
+    for (std::size_t i = 0; i < words.size(); ++i) {
+      std::memcpy(instances + i * sizeof(Instance) + word * sizeof words[i], &words[i], sizeof words[i]);
+    }
   }
 }
 
@@ -235,6 +270,7 @@ void write_structure(const PageView& view, std::vector<std::byte>& out) {
   write_deltas({array_at<std::uint32_t>(image, header.geometries_offset), header.geometry_count}, writer);
   writer.put(std::span(array_at<std::uint8_t>(image, header.geometry_indices_offset),
                        std::size_t(header.triangle_count) * header.geometry_index_bytes));
+  write_instances(view, writer);
 }
 
 void read_structure(PlaneReader& in, std::byte* image) {
@@ -249,6 +285,7 @@ void read_structure(PlaneReader& in, std::byte* image) {
   read_deltas(in, {array_at<std::uint32_t>(image, header.geometries_offset), header.geometry_count});
   in.get(std::span(array_at<std::uint8_t>(image, header.geometry_indices_offset),
                    std::size_t(header.triangle_count) * header.geometry_index_bytes));
+  read_instances(in, image);
 }
 
 void write_geometry(const PageView& view, const PositionKind& kind, std::vector<std::byte>& out) {

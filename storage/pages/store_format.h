@@ -25,8 +25,12 @@ enum class Feature : std::uint64_t {
   triangles = 1,     ///< always set
   geometry_ids = 2,  ///< more than one geometry: hits tell them apart
   lattice = 4,       ///< positions are multiples of the header's step
+  instances = 8,     ///< objects are placed any number of times
 };
-constexpr std::uint64_t kKnownFeatures = 7;
+constexpr std::uint64_t kKnownFeatures = 15;
+constexpr bool has(std::uint64_t features, Feature feature) {
+  return (features & static_cast<std::uint64_t>(feature)) != 0;
+}
 
 struct StoreHeader {
   std::array<char, 8> magic = kHeaderMagic;
@@ -73,7 +77,10 @@ struct StoreFooter {
   std::array<float, 3> bounds_min{};
   std::array<float, 3> bounds_max{};
   std::uint64_t file_bytes = 0;
-  std::array<std::uint8_t, 24> unused{};
+  std::uint64_t instance_count = 0;
+  std::uint32_t object_count = 0;
+  std::uint32_t object_level = 0;  ///< of their roots; 0 where there are none
+  std::array<std::uint8_t, 8> unused{};
   std::uint64_t checksum = 0;  ///< of the bytes before it
   std::array<char, 8> magic = kFooterMagic;
 };

@@ -42,11 +42,12 @@ namespace {
 
 // What stands in the record of a ray that waits.
 RecordLayout records_for(const KernelRun& run) {
+  const KeptExtras extras{.instance_id = true, .normals = true};
   if (run.query == Query::count || run.query == Query::all) {
-    return RecordLayout(Field::count);
+    return RecordLayout(Field::count, KeptCorners::none, extras);
   }
   const bool ties_need_corners = run.mode == Mode::exact && run.query == Query::closest;
-  return RecordLayout(Field::all, ties_need_corners ? KeptCorners::of_hit : KeptCorners::none);
+  return RecordLayout(Field::all, ties_need_corners ? KeptCorners::of_hit : KeptCorners::none, extras);
 }
 
 }  // namespace
@@ -100,6 +101,7 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
       }
       KernelContext context{images.get(), touched.get(), true, {}, false};
       context.crossings = run.query == Query::all ? &crossings : nullptr;
+      context.object_level = pages.rules.object_level;
       kernel(context, together);
       result.corrupt = result.corrupt || context.corrupt;
       result.counters.nodes_visited += context.counters.nodes_visited;

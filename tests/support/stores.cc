@@ -22,7 +22,7 @@ Result<BuildReport> build_in_runs(const Scene& scene, const BuildConfig& config,
   storage::ImportReport& report = builder->import_report();
   storage::TriangleWriter writer(*builder, report);
   for (const Mesh& mesh : scene) {
-    storage::GeometryInfo& geometry = report.geometries.emplace_back();
+    storage::GeometryInfo& geometry = report.add_geometry();
     geometry.node = geometry.mesh = "mesh" + std::to_string(report.geometries.size());
     writer.begin_geometry();
     for (const Corners& corners : mesh) {

@@ -32,7 +32,8 @@ Pages build_pages(const Scene& scene, unsigned width, std::uint32_t page_bytes) 
     EXPECT_TRUE(image.ok()) << image.status().message();
     pages.images.push_back(std::move(*image));
   }
-  pages.rules = {width, pages.tree.levels, page_bytes, static_cast<std::uint32_t>(pages.images.size()), scene.size()};
+  pages.rules = {width,       pages.tree.levels, 0, page_bytes, static_cast<std::uint32_t>(pages.images.size()),
+                 scene.size()};
   return pages;
 }
 

@@ -27,7 +27,9 @@
 
 #include "storage/pages/page_image.h"
 #include "traversal/kernel.h"
+#include "traversal/kernels/best_hit-inl.h"
 #include "traversal/kernels/exact-inl.h"
+#include "traversal/kernels/instance-inl.h"
 #include "traversal/kernels/lane-inl.h"
 #include "traversal/kernels/slot_order-inl.h"
 #include "traversal/kernels/step_lists-inl.h"
@@ -106,7 +108,8 @@ class Batch {
   void take_ray(RayLane* lane) {
     while (taken_ < rays_.size()) {
       RayState& ray = rays_[taken_++];
-      lane->unpack(ray);
+      lane->unpack(ray, context_.object_level);
+      ray.left_object = false;
       if constexpr (kMode == Mode::exact) {
         prepare_exact_boxes(lane->frame);
       }
@@ -131,7 +134,7 @@ class Batch {
     next_->add(kReport, lane);
   }
   void report(RayLane* lane) {
-    identify(lane);
+    identify(*lane);
     lane->ray->tfar = lane->tfar;
     lane->ray->done = true;
     take_ray(lane);
@@ -195,9 +198,14 @@ class Batch {
   [[gnu::always_inline]] void advance(RayLane* lane) {
     while (lane->levels != 0) {
       const auto level = static_cast<unsigned>(std::bit_width(lane->levels)) - 1;
-      if (level < lane->top && !climb(lane, level)) [[unlikely]] {
-        fail(lane);
-        return;
+      if (level < lane->top) [[unlikely]] {
+        if (level < lane->floor && !leave_object(lane)) {
+          return;
+        }
+        if (level < lane->top && !climb(lane, level)) {
+          fail(lane);
+          return;
+        }
       }
       const Place<N>& place = lane->places[level];
       const Node<N>& node = *place.node;
@@ -249,13 +257,18 @@ class Batch {
         continue;
       }
       const bool is_external = (node.external >> slot & 1) != 0;
-      if (!is_external || image_of(place.template at<ExternalRef>(place.externals)[node.child[slot]].page) != nullptr) {
+      if (!is_external || is_there(place, place.template at<ExternalRef>(place.externals)[node.child[slot]])) {
         lane->set_mask(level, (lane->masks[level] & ~(1U << slot)) | 1U << lane->slot);
         descend(lane, place, level, slot);
         return true;
       }
     }
     return false;
+  }
+
+  [[nodiscard]] bool is_there(const Place<N>& place, const ExternalRef& ref) const {
+    const bool instance = ref.kind == ExternalKind::instance;
+    return image_of(instance ? PageView(place.image).instances()[ref.page].page : ref.page) != nullptr;
   }
 
   // A pop comes to a level above the node where the ray was taken up.
@@ -283,6 +296,10 @@ class Batch {
   void follow(RayLane* lane) {
     const Place<N> place = lane->places[lane->level];
     lane->ref = place.template at<ExternalRef>(place.externals)[place.node->child[lane->slot]];
+    if (lane->ref.kind == ExternalKind::instance) [[unlikely]] {
+      enter_instance(lane, place);
+      return;
+    }
     const std::byte* image = image_of(lane->ref.page);
     if (image == nullptr && pass_over(lane)) {
       return;
@@ -296,13 +313,84 @@ class Batch {
       ++lane->level;
     }
     if (image == nullptr) {
-      identify(lane);
       lane->ray->left = {place.image, place.page, static_cast<std::uint16_t>(place.node - place.node_at(0))};
-      lane->pack(resume, lane->ref.page, lane->ref.node);
-      take_ray(lane);
+      suspend(lane, resume);
       return;
     }
     go(lane, image);
+  }
+  void suspend(RayLane* lane, Resume resume) {
+    identify(*lane);
+    lane->pack(resume, lane->ref.page, lane->ref.node);
+    take_ray(lane);
+  }
+
+  // Into an object that hangs on the node at `place`, if the ray meets the instance's own box.
+  [[gnu::noinline]] void enter_instance(RayLane* lane, const Place<N>& place) {
+    const storage::Instance& instance = PageView(place.image).instances()[lane->ref.page];
+    RayState& ray = *lane->ray;
+    float entry = 0;
+    if (!meets_box<kMode>(lane->frame, instance, lane->tnear, lane->tfar, entry)) {
+      next_->add(kAdvance, lane);
+      return;
+    }
+    const std::byte* image = image_of(instance.page);
+    if (image == nullptr && pass_over(lane)) {
+      return;
+    }
+    if (!to_object(instance.world_from_object, ray)) {
+      next_->add(kAdvance, lane);
+      return;
+    }
+    ray.object.page = place.page;
+    ray.object.node = static_cast<std::uint16_t>(place.node - place.node_at(0));
+    ray.object.level = static_cast<std::uint8_t>(lane->level);
+    ray.object.inside = true;
+    ray.object.geometry_base = instance.geometry_base;
+    ray.object.entry = entry;
+    ray.object.instance_id = instance.instance_id;
+    if (context_.need_normal) {
+      ray.object.normals = normal_columns(instance.world_from_object);
+    }
+    set_frame(lane);
+    lane->world_top = lane->top;
+    lane->level = lane->top = lane->floor = context_.object_level;
+    lane->ref = {instance.page, instance.node, 0, ExternalKind::node};
+    if (image == nullptr) {
+      suspend(lane, Resume::enter);
+      return;
+    }
+    go(lane, image);
+  }
+
+  // Back to the world. False: to the node that the instance hangs on, for the ray was taken up below it.
+  [[gnu::noinline]] bool leave_object(RayLane* lane) {
+    RayState& ray = *lane->ray;
+    ray.object.inside = false;
+    ray.org = ray.object.world_org;
+    ray.dir = ray.object.world_dir;
+    set_frame(lane);
+    lane->floor = 0;
+    lane->top = lane->world_top;
+    if (ray.object.level >= lane->top) {
+      return true;
+    }
+    lane->level = lane->top = ray.object.level;
+    lane->ref = {ray.object.page, ray.object.node, 0, ExternalKind::leaf};
+    const std::byte* image = image_of(lane->ref.page);
+    if (image == nullptr) {
+      ray.left_object = true;
+      suspend(lane, Resume::backtrack);
+    } else {
+      go(lane, image);
+    }
+    return false;
+  }
+  static void set_frame(RayLane* lane) {
+    lane->frame = make_frame(lane->ray->org, lane->ray->dir);
+    if constexpr (kMode == Mode::exact) {
+      prepare_exact_boxes(lane->frame);
+    }
   }
 
   // The corners' indices have come: asks for the corners.
@@ -353,89 +441,12 @@ class Batch {
       } else {
         hit = {lane->quotients.t[i], lane->quotients.u[i], lane->quotients.v[i]};
       }
-      if (offer(lane, hit, corners, first + static_cast<std::uint32_t>(i))) {
+      if (offer<kQuery, kMode>(context_, *lane, hit, corners, first + static_cast<std::uint32_t>(i))) {
         finish(lane);
         return;
       }
     }
     now_->add(kAdvance, lane);
-  }
-
-  // Takes the hit if it lies in the interval and before the best so far: by t, then geometry id, then primitive id.
-  // True: no other hit is wanted.
-  bool offer(RayLane* lane, const Candidate& hit, const Corners& corners, std::uint32_t triangle) {
-    float t = 0;
-    if (!place_hit<kMode>(lane->frame, corners, hit, lane->tnear, lane->tfar, t)) {
-      return false;
-    }
-    RayState& ray = *lane->ray;
-    const std::byte* image = lane->places[lane->level].image;
-    if (context_.filter != nullptr && context_.filter->drops(ray.skipped, ray.mask, ids_of(image, triangle))) {
-      return false;
-    }
-    if constexpr (kQuery == Query::any) {
-      ray.hit = {};
-      ray.hit.t = 0;
-      ray.has_hit = true;
-      return true;
-    } else if constexpr (kQuery == Query::all) {
-      ray.has_hit = true;
-      ++ray.hit.count;
-      if (context_.crossings != nullptr) {
-        context_.crossings->add(crossing_of(ray.number, t, hit, ids_of(image, triangle),
-                                            context_.need_normal ? normal_of(corners) : std::array<float, 3>{}));
-      }
-      return false;
-    } else {
-      if (t == lane->tfar && ray.has_hit && !wins_tie(lane, corners, triangle)) {
-        return false;
-      }
-      lane->tfar = t;
-      lane->hit_image = image;
-      lane->hit_triangle = triangle;
-      ray.has_hit = true;
-      ray.hit.t = t;
-      set_barycentrics(ray.hit, hit);
-      if (context_.need_normal) {
-        ray.hit.normal = normal_of(corners);
-      }
-      if constexpr (kMode == Mode::exact) {
-        ray.corners = corners;
-      }
-      return false;
-    }
-  }
-
-  // Against the best so far, at equal t: in mode exact by t before it was rounded, then by the ids.
-  static bool wins_tie(RayLane* lane, const Corners& corners, std::uint32_t triangle) {
-    if constexpr (kMode == Mode::exact) {
-      const int order = exact_order({lane->frame.org, lane->frame.dir}, corners, lane->ray->corners);
-      if (order != 0) {
-        return order < 0;
-      }
-    }
-    identify(lane);
-    return comes_before(lane->places[lane->level].image, triangle, lane->ray->hit);
-  }
-
-  static PrimitiveIds ids_of(const std::byte* image, std::uint32_t triangle) {
-    const PageView view(image);
-    return {view.geometry_id(triangle), view.primitive_ids()[triangle]};
-  }
-
-  static bool comes_before(const std::byte* image, std::uint32_t triangle, const Hit& best) {
-    const auto [geometry_id, primitive_id] = ids_of(image, triangle);
-    return geometry_id < best.geometry_id || (geometry_id == best.geometry_id && primitive_id < best.primitive_id);
-  }
-
-  // Ids are looked up for the hits that stay, for they are far from what the tests read.
-  static void identify(RayLane* lane) {
-    if (lane->hit_image != nullptr) {
-      const PageView view(lane->hit_image);
-      lane->ray->hit.geometry_id = view.geometry_id(lane->hit_triangle);
-      lane->ray->hit.primitive_id = view.primitive_ids()[lane->hit_triangle];
-      lane->hit_image = nullptr;
-    }
   }
 
   KernelContext& context_;

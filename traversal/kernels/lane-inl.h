@@ -50,6 +50,8 @@ struct alignas(64) Lane {
   unsigned level;
   unsigned slot;
   unsigned top;          // levels above (less than) it have masks but no places yet
+  unsigned floor;        // level of the root of the object that the ray is in; 0: it is in the world
+  unsigned world_top;    // of the levels above the floor, what top is of the others
   std::uint32_t levels;  // bit for each level with a mask left
   ExternalRef ref;       // while it is followed
   LeafBlock leaf;        // while it is tested
@@ -58,6 +60,7 @@ struct alignas(64) Lane {
   // The best hit where its ids have not been looked up, else null.
   const std::byte* hit_image;
   std::uint32_t hit_triangle;
+  std::uint32_t hit_base;  // of its geometry id
   std::array<std::uint8_t, kLevels> masks;
   // One past the deepest, for it is written before it is known whether the child is a node.
   std::array<Place<N>, kLevels + 1> places;
@@ -68,13 +71,16 @@ struct alignas(64) Lane {
     levels |= static_cast<std::uint32_t>(mask != 0) << at;
   }
 
-  void unpack(RayState& from) {
+  /// `object_level`: of the store.
+  void unpack(RayState& from, unsigned object_level) {
     ray = &from;
     frame = make_frame(from.org, from.dir);
     tnear = from.tnear;
     tfar = from.tfar;
     level = from.level;
     top = from.level;
+    floor = from.object.inside ? object_level : 0;
+    world_top = kLevels;
     levels = 0;
     hit_image = nullptr;
     if ((from.stack.words[0] | from.stack.words[1]) != 0) {

@@ -266,13 +266,12 @@ struct Interval {
   float entry, exit;
 };
 
-// The triangle's own box by the formula of the nodes (slab.h); min_keep and max_keep for one lane, without a branch.
-inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
+// A box by the formula of the nodes (slab.h); min_keep and max_keep for one lane, without a branch.
+[[gnu::always_inline]] inline Interval box_interval(const RayFrame& ray, const std::array<float, 3>& lower,
+                                                    const std::array<float, 3>& upper) {
   Interval interval{-INFINITY, INFINITY};
   for (int axis = 0; axis < 3; ++axis) {
-    const float a = corners[0][axis], b = corners[1][axis], c = corners[2][axis];
-    const float low_ab = a < b ? a : b, high_ab = a > b ? a : b;
-    const std::array<float, 2> ends{low_ab < c ? low_ab : c, high_ab > c ? high_ab : c};
+    const std::array<float, 2> ends{lower[axis], upper[axis]};
     const unsigned negative = ray.octant >> axis & 1;
     const float near = (ends[negative] - ray.org[axis]) * ray.rdir[axis];
     const float far = (ends[negative ^ 1] - ray.org[axis]) * ray.rdir[axis];
@@ -281,6 +280,18 @@ inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
   }
   interval.exit = interval.exit + std::fabs(interval.exit) * kExitPad;
   return interval;
+}
+
+// The triangle's own box.
+inline Interval triangle_interval(const RayFrame& ray, const Corners& corners) {
+  std::array<float, 3> lower, upper;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float a = corners[0][axis], b = corners[1][axis], c = corners[2][axis];
+    const float low_ab = a < b ? a : b, high_ab = a > b ? a : b;
+    lower[axis] = low_ab < c ? low_ab : c;
+    upper[axis] = high_ab > c ? high_ab : c;
+  }
+  return box_interval(ray, lower, upper);
 }
 
 /// The t that a hit counts with: clamped into the triangle's own box, so that no order of tests could tell (slab.h);

@@ -15,6 +15,10 @@ using Bytes = std::vector<std::byte, storage::AlignedAllocator<std::byte, storag
 Status read_store_triangles(const std::string& path, storage::TriangleSink& sink) {
   storage::Ledger ledger(std::numeric_limits<std::uint64_t>::max());
   RAYMILL_ASSIGN_OR_RETURN(const auto file, storage::StoreFile::open(path, ledger));
+  if (file->footer().instance_count > 0) {
+    return {ErrorCode::unsupported,
+            path + ": has instances, which Embree is not given here; build it with --instances never to compare"};
+  }
   Bytes encoded_bytes(file->read_buffer_bytes()), frame(file->header().page_bytes);
   storage::PageDecoder decoder(file->rules(), file->positions(), file->codec());
   std::vector<storage::Triangle> triangles;

@@ -97,6 +97,16 @@ std::uint64_t plots(std::uint64_t triangles) {
 
 }  // namespace
 
+static_assert(kWoodTriangles == 3 * kTreeTriangles);
+void add_wood(std::uint64_t seed, SceneWriter& scene) {
+  Random random(seed);
+  const HeightField flat = [](float, float) { return 0.0F; };
+  for (int i = 0; i < 3; ++i) {
+    const float x = random.range(-2, 2), z = random.range(-2, 2);
+    add_tree(scene, random, x, z, flat);
+  }
+}
+
 float forest_side(std::uint64_t triangles, std::uint64_t) {
   return static_cast<float>(std::max<std::uint64_t>(1, plots(triangles))) * kPlot;
 }

@@ -25,6 +25,18 @@ std::string file_name(const std::string& path) {
   return slash == std::string::npos ? path : path.substr(slash + 1);
 }
 
+constexpr const char* kInstancing = "EXT_mesh_gpu_instancing";
+
+// One member of all stands, one after the other.
+template <typename T>
+Status write_column(storage::AtomicFile& file, std::span<const Stand> stands, T Stand::*member) {
+  std::vector<T> column;
+  for (const Stand& stand : stands) {
+    column.push_back(stand.*member);
+  }
+  return file.write(std::as_bytes(std::span(column)));
+}
+
 // Column-major; the third column is +z, which lies behind the camera.
 nlohmann::json matrix_of(const Camera& c) {
   return {c.right[0],    c.right[1],    c.right[2],    0.0, c.up[0],     c.up[1],     c.up[2],     0.0,
@@ -76,7 +88,7 @@ Status SceneWriter::end_object(const std::string& name) {
   return indices_.size() >= 3 * kPatchTriangles ? end_patch(name) : Status();
 }
 
-Status SceneWriter::end_patch(const std::string& name) {
+Status SceneWriter::end_patch(const std::string& name, std::span<const Stand> stands) {
   if (indices_.empty()) {
     positions_.clear();
     return {};
@@ -88,6 +100,7 @@ Status SceneWriter::end_patch(const std::string& name) {
               .file = file_name(path),
               .vertex_count = positions_.size(),
               .index_count = indices_.size(),
+              .stands = stands.size(),
               .lower = positions_.front(),
               .upper = positions_.front()};
   for (const Point& p : positions_) {
@@ -99,7 +112,11 @@ Status SceneWriter::end_patch(const std::string& name) {
   RAYMILL_ASSIGN_OR_RETURN(storage::AtomicFile bin, storage::AtomicFile::create(path));
   RAYMILL_RETURN_IF_ERROR(bin.write(std::as_bytes(std::span(positions_))));
   RAYMILL_RETURN_IF_ERROR(bin.write(std::as_bytes(std::span(indices_))));
+  RAYMILL_RETURN_IF_ERROR(write_column(bin, stands, &Stand::translation));
+  RAYMILL_RETURN_IF_ERROR(write_column(bin, stands, &Stand::rotation));
+  RAYMILL_RETURN_IF_ERROR(write_column(bin, stands, &Stand::scale));
   RAYMILL_RETURN_IF_ERROR(bin.commit());
+  triangles_ += stands.empty() ? 0 : (stands.size() - 1) * (indices_.size() / 3);
   bytes_ += bin.written_bytes();
   written_.push_back(path);
   patches_.push_back(std::move(patch));
@@ -118,6 +135,7 @@ Status SceneWriter::finish() {
   RAYMILL_RETURN_IF_ERROR(end_patch("last"));
   json nodes = json::array(), meshes = json::array(), accessors = json::array(), views = json::array(),
        buffers = json::array(), cameras = json::array(), roots = json::array();
+  bool placed = false;
   for (const Patch& patch : patches_) {
     const std::uint64_t position_bytes = patch.vertex_count * sizeof(Point);
     const std::uint64_t index_bytes = patch.index_count * sizeof(std::uint32_t);
@@ -127,7 +145,8 @@ Status SceneWriter::finish() {
                      {"byteOffset", position_bytes},
                      {"byteLength", index_bytes},
                      {"target", kElementArrayBuffer}});
-    buffers.push_back({{"uri", patch.file}, {"byteLength", position_bytes + index_bytes}});
+    buffers.push_back(
+        {{"uri", patch.file}, {"byteLength", position_bytes + index_bytes + patch.stands * sizeof(Stand)}});
     accessors.push_back({{"bufferView", view},
                          {"componentType", kFloat},
                          {"count", patch.vertex_count},
@@ -137,8 +156,24 @@ Status SceneWriter::finish() {
     accessors.push_back(
         {{"bufferView", view + 1}, {"componentType", kUnsignedInt}, {"count", patch.index_count}, {"type", "SCALAR"}});
     roots.push_back(nodes.size());
-    nodes.push_back({{"name", patch.name}, {"mesh", meshes.size()}});
-    json primitive = {{"attributes", {{"POSITION", view}}}, {"indices", view + 1}};
+    json primitive = {{"attributes", {{"POSITION", accessors.size() - 2}}}, {"indices", accessors.size() - 1}};
+    json node = {{"name", patch.name}, {"mesh", meshes.size()}};
+    std::uint64_t offset = position_bytes + index_bytes;
+    const auto add_column = [&](const char* attribute, const char* type, std::size_t element_bytes) {
+      node["extensions"][kInstancing]["attributes"][attribute] = accessors.size();
+      accessors.push_back(
+          {{"bufferView", views.size()}, {"componentType", kFloat}, {"count", patch.stands}, {"type", type}});
+      views.push_back(
+          {{"buffer", buffers.size() - 1}, {"byteOffset", offset}, {"byteLength", patch.stands * element_bytes}});
+      offset += patch.stands * element_bytes;
+    };
+    if (patch.stands > 0) {
+      placed = true;
+      add_column("TRANSLATION", "VEC3", sizeof(Stand::translation));
+      add_column("ROTATION", "VEC4", sizeof(Stand::rotation));
+      add_column("SCALE", "VEC3", sizeof(Stand::scale));
+    }
+    nodes.push_back(std::move(node));
     meshes.push_back({{"name", patch.name}, {"primitives", json::array({std::move(primitive)})}});
   }
   for (const SceneCamera& entry : cameras_) {
@@ -158,6 +193,9 @@ Status SceneWriter::finish() {
                {"buffers", buffers}};
   if (!cameras.empty()) {
     root["cameras"] = cameras;
+  }
+  if (placed) {
+    root["extensionsUsed"] = root["extensionsRequired"] = json::array({kInstancing});
   }
   const std::string text = root.dump(1) + "\n";
   RAYMILL_RETURN_IF_ERROR(file_.write(std::as_bytes(std::span(text))));

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,13 @@ namespace raymill::client {
 constexpr std::uint64_t kPatchTriangles = 512 << 10;
 
 using Point = std::array<float, 3>;
+
+/// Where a patch stands, as EXT_mesh_gpu_instancing says it: scaled, turned by a quaternion x y z w, moved.
+struct Stand {
+  Point translation{};
+  std::array<float, 4> rotation{0, 0, 0, 1};
+  Point scale{1, 1, 1};
+};
 
 class SceneWriter {
  public:
@@ -42,13 +50,15 @@ class SceneWriter {
   /// Between two objects, where the vertices of the next are its own: writes the patch if it is large enough.
   Status end_object(const std::string& name);
   /// Writes what the patch holds.
-  Status end_patch(const std::string& name);
+  Status end_patch(const std::string& name) { return end_patch(name, {}); }
+  /// The same for a mesh that stands in all these places.
+  Status end_patch(const std::string& name, std::span<const Stand> stands);
 
   void add_camera(const std::string& name, const Camera& camera);
   /// Writes the .gltf file, last.
   Status finish();
 
-  [[nodiscard]] std::uint64_t triangles() const { return triangles_; }  ///< patch included
+  [[nodiscard]] std::uint64_t triangles() const { return triangles_; }  ///< patch included; where they stand
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }          ///< of the files written
   [[nodiscard]] std::size_t files() const { return patches_.size(); }   ///< .bin files written
 
@@ -58,6 +68,7 @@ class SceneWriter {
     std::string file;  ///< without its folder
     std::uint64_t vertex_count = 0;
     std::uint64_t index_count = 0;
+    std::uint64_t stands = 0;  ///< 0: it stands once, where its vertices say
     Point lower{}, upper{};
   };
   struct SceneCamera {

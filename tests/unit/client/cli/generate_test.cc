@@ -14,7 +14,7 @@ class GenerateTest : public FolderTest {
   nlohmann::json make(SceneKind kind, std::uint64_t triangles, std::uint64_t seed, const std::string& name) {
     auto scene = SceneWriter::create(path(name), nullptr);
     EXPECT_TRUE(scene) << scene.status().message();
-    const Status made = generate(kind, triangles, seed, *scene);
+    const Status made = generate(kind, triangles, seed, 3, *scene);
     EXPECT_TRUE(made.ok()) << made.message();
     const Status finished = scene->finish();
     EXPECT_TRUE(finished.ok()) << finished.message();
@@ -89,7 +89,7 @@ TEST_F(GenerateTest, NothingIsLeftWhenStopped) {
   {
     auto scene = SceneWriter::create(path("scene.gltf"), [](std::uint64_t) { return false; });
     ASSERT_TRUE(scene);
-    EXPECT_EQ(generate(SceneKind::terrain, 2000000, 1, *scene).code(), ErrorCode::interrupted);
+    EXPECT_EQ(generate(SceneKind::terrain, 2000000, 1, 3, *scene).code(), ErrorCode::interrupted);
   }
   EXPECT_EQ(files(), 0U);
 }

@@ -48,9 +48,8 @@ Partition partition_over(std::size_t runs, std::uint64_t run_triangles, Shape sh
 }
 
 void check(const Partition& partition, unsigned width) {
-  const auto built = build_top_tree(partition, width);
-  ASSERT_TRUE(built) << built.status().message();
-  const WideTree& tree = built->tree;
+  const TopTree built = build_top_tree(partition, width, {0, max_levels(width)});
+  const WideTree& tree = built.tree;
   EXPECT_EQ(tree.width, width);
   EXPECT_TRUE(tree.triangles.empty());
   std::vector<int> hangs(partition.runs.size());
@@ -70,8 +69,8 @@ void check(const Partition& partition, unsigned width) {
         const std::uint32_t run = node.child[slot];
         ++hangs[run];
         below = partition.runs[run].box;
-        EXPECT_EQ(built->places[run].parent, index);
-        EXPECT_EQ(built->places[run].levels.first, node.level + 1u);
+        EXPECT_EQ(built.places[run].parent, index);
+        EXPECT_EQ(built.places[run].levels.first, node.level + 1u);
       } else {
         const std::uint32_t child = node.child[slot];
         EXPECT_GT(child, index) << "nodes stand depth first";
@@ -88,9 +87,9 @@ void check(const Partition& partition, unsigned width) {
   EXPECT_EQ(tree.bounds, partition.nodes[0].box);
   EXPECT_TRUE(std::all_of(hangs.begin(), hangs.end(), [](int n) { return n == 1; })) << "each run hangs in it once";
   EXPECT_TRUE(std::all_of(visits.begin(), visits.end(), [](int n) { return n == 1; }));
-  ASSERT_EQ(built->places.size(), partition.runs.size());
+  ASSERT_EQ(built.places.size(), partition.runs.size());
   for (std::size_t run = 0; run < partition.runs.size(); ++run) {
-    const LevelRange& levels = built->places[run].levels;
+    const LevelRange& levels = built.places[run].levels;
     EXPECT_LE(levels.limit, max_levels(width)) << "the bitstack holds all levels";
     EXPECT_LE(levels.first + balanced_levels(partition.runs[run].count, width), levels.limit)
         << "there is room for a balanced tree";
@@ -113,23 +112,33 @@ TEST(TopTree, EveryRunHangsInItOnceWithRoomForItsTree) {
 
 TEST(TopTree, OfOneRunHasNoNodes) {
   for (const unsigned width : {4u, 8u}) {
-    const auto built = build_top_tree(partition_over(1, 1000, Shape::balanced), width);
-    ASSERT_TRUE(built);
-    EXPECT_TRUE(built->tree.nodes.empty());
-    ASSERT_EQ(built->places.size(), 1u);
-    EXPECT_EQ(built->places[0].levels.first, 0u);
-    EXPECT_EQ(built->places[0].levels.limit, max_levels(width));
+    const TopTree built = build_top_tree(partition_over(1, 1000, Shape::balanced), width, {3, max_levels(width)});
+    EXPECT_TRUE(built.tree.nodes.empty());
+    ASSERT_EQ(built.places.size(), 1u);
+    EXPECT_EQ(built.places[0].levels.first, 3u);
+    EXPECT_EQ(built.places[0].levels.limit, max_levels(width));
   }
 }
 
-TEST(TopTree, TreeDeeperThanTheBitstackIsRefused) {
-  // 8^14 leaves of 8 triangles and a level for the runs would fit, 8^16 do not.
-  const std::uint64_t many = std::uint64_t{1} << 48;
-  EXPECT_TRUE(build_top_tree(partition_over(8, many >> 3, Shape::balanced), 8));
-  const auto refused = build_top_tree(partition_over(8, many << 4, Shape::balanced), 8);
-  ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.status().code(), ErrorCode::unsupported);
-  EXPECT_NE(refused.status().message().find("bitstack"), std::string::npos);
+TEST(TopTree, LeastLevelsAreThoseOfBalancedTrees) {
+  // 8^14 leaves of 8 triangles and a level for the runs.
+  const std::uint64_t many = std::uint64_t{1} << 45;
+  Partition partition = partition_over(8, many, Shape::balanced);
+  EXPECT_EQ(least_levels(partition, 8), 15u);
+  EXPECT_EQ(least_levels(partition_over(8, many << 4, Shape::balanced), 8), 17u) << "more than the bitstack holds";
+  partition.first_instances = 7;
+  EXPECT_EQ(least_levels(partition, 8), 16u) << "a leaf holds one instance";
+}
+
+TEST(TopTree, TrianglesAndInstancesHangUnderOneRoot) {
+  const Partition both = join(partition_over(5, 100, Shape::random), partition_over(3, 40, Shape::chain));
+  ASSERT_EQ(both.runs.size(), 8u);
+  EXPECT_FALSE(both.holds_instances(4));
+  EXPECT_TRUE(both.holds_instances(5));
+  EXPECT_EQ(both.nodes[0].count, 5u * 100 + 3 * 40);
+  check(both, 8);
+  EXPECT_TRUE(join(partition_over(1, 7, Shape::balanced), {}).runs.size() == 1u);
+  EXPECT_TRUE(join({}, partition_over(1, 7, Shape::balanced)).holds_instances(0));
 }
 
 }  // namespace

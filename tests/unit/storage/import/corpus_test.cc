@@ -38,8 +38,6 @@ const std::map<std::string, Difference> kDifferences = {
      {ErrorCode::bad_scene, 0, "a bufferView of 1e300 bytes"}},
     {"edge_validator/root/named_objects.gltf", {ErrorCode::bad_scene, 0, "a buffer without data"}},
     {"edge_validator/root/unused_objects.gltf", {ErrorCode::bad_scene, 0, "a buffer without data"}},
-    {"teapots_galore/TeapotsGalore.gltf",
-     {ErrorCode::ok, 8066, "EXT_mesh_gpu_instancing is optional there and not read"}},
 };
 
 fs::path scenes_folder() {

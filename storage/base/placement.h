@@ -1,0 +1,25 @@
+// Placement: the affine matrix that places an object in the world, and what it does to boxes. Immutable values.
+#pragma once
+
+#include <array>
+
+#include "storage/base/vec3.h"
+
+namespace raymill::storage {
+
+/// Column-major 3 x 4: world = m[0..2] x + m[3..5] y + m[6..8] z + m[9..11].
+using Placement = std::array<double, 12>;
+
+/// Of the 3 x 3 part.
+inline double determinant(const Placement& m) {
+  return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[3] * (m[1] * m[8] - m[2] * m[7]) + m[6] * (m[1] * m[5] - m[2] * m[4]);
+}
+
+/// Whether rays can be taken into the object's space with little loss: all is finite, and the columns are far enough
+/// from one plane that the inverse in float64 is good to far more than float32.
+bool invertible(const Placement& placement);
+
+/// A box in the world that holds the object's box as it is placed, and a float32 rounding of its points beside.
+Aabb placed_box(const Placement& placement, const Aabb& object);
+
+}  // namespace raymill::storage
