@@ -23,6 +23,12 @@ std::uint64_t run_build_bytes(std::uint64_t triangles) {
   return kFixedBytes + triangles * (sizeof(Triangle) + kKeptBytes) + binary_tree_build_bytes(triangles);
 }
 
+std::uint64_t instance_run_bytes(std::uint64_t instances) {
+  // One to a leaf: two binary nodes more than two thirds of one, and a fifth of a wide node. The instance stands in a
+  // list, and once more in its page.
+  return instances * (2 * sizeof(Instance) + 2 * sizeof(BinaryNode) + sizeof(WideNode) / 4);
+}
+
 std::uint64_t page_build_bytes(std::uint32_t page_bytes, Codec codec) {
   // Its image, what the image is made from, and the result.
   return 3 * std::uint64_t(page_bytes) + PageEncoder::bytes(page_bytes, codec);

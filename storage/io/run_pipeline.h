@@ -28,6 +28,8 @@ namespace raymill::storage {
 
 /// Memory that one run takes while it is built and encoded.
 std::uint64_t run_build_bytes(std::uint64_t triangles);
+/// What a run of instances takes beside that of so many triangles.
+std::uint64_t instance_run_bytes(std::uint64_t instances);
 /// Memory that a thread takes for the page that it makes.
 std::uint64_t page_build_bytes(std::uint32_t page_bytes, Codec codec);
 

@@ -14,8 +14,8 @@ namespace {
 constexpr std::uint64_t kBaseSlackBytes = 8 << 20;
 constexpr std::uint32_t kLeastOpenBuckets = 8;
 constexpr std::uint32_t kMostOpenBuckets = 4096;
-// An instance takes three times a triangle's bytes.
-constexpr std::uint64_t kRunInstances = 1 << 16;
+// An instance takes three times what a triangle does while its run is built.
+constexpr std::uint64_t kRunInstances = 1 << 15;
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

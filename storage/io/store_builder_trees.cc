@@ -82,7 +82,7 @@ Result<TreeTotals> StoreBuilder::write_tree(const Partition& parts, LevelRange l
   std::uint64_t a_run = 0;
   for (std::size_t run = 0; run < parts.runs.size(); ++run) {
     const std::uint64_t count = parts.runs[run].count;
-    a_run = std::max(a_run, run_build_bytes(count) + (parts.holds_instances(run) ? count * sizeof(Instance) : 0));
+    a_run = std::max(a_run, run_build_bytes(count) + (parts.holds_instances(run) ? instance_run_bytes(count) : 0));
   }
   // The directory grows by doubling; decoded pages hold 20 bytes a triangle or more.
   const std::uint64_t count = parts.nodes[0].count;
