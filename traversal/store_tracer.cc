@@ -240,16 +240,28 @@ std::uint32_t StoreTracer::batch_size(const TraceJob& job) const {
   return job.batches_out == 0 && !spiller_->can_relieve(job) ? 1 : 0;
 }
 
-void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock) {
-  // The next job, in turn, that has rays here.
-  std::shared_ptr<TraceJob> job;
-  for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
-    const auto& candidate = jobs_[(next_job_ + i) % jobs_.size()];
-    if (candidate->waiting->count(page) > 0) {
-      job = candidate;
-      next_job_ = (next_job_ + i + 1) % jobs_.size();
+// The next job, in turn, that has what is looked for; null: none has.
+std::shared_ptr<TraceJob> StoreTracer::next_job(const std::function<bool(const TraceJob&)>& has_it) {
+  for (std::size_t i = 0; i < jobs_.size(); ++i) {
+    const auto& job = jobs_[next_job_++ % jobs_.size()];
+    if (has_it(*job)) {
+      return job;
     }
   }
+  return nullptr;
+}
+
+// Waking costs more than a small batch: only where whoever pushes can go on.
+bool StoreTracer::push_goes_on(const TraceJob& job) const {
+  const auto has_much_room = [&] {
+    return takes_fresh(job) ? job.fresh->has_much_room()
+                            : has_room(job) && job.waiting->count(root_page()) <= kMostAtRoot / 2;
+  };
+  return (job.push_blocked && job.place_for_many()) || (job.push_needs_room && has_much_room());
+}
+
+void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock) {
+  const auto job = next_job([page](const TraceJob& it) { return it.waiting->count(page) > 0; });
   if (!job) {
     return;
   }
@@ -329,11 +341,8 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock
     scheduler_.dropped(page);
   }
   unstall();
-  // Waking costs more than a small batch: only where whoever waits can go on.
-  const bool go_on = (job->push_blocked && job->place_for_many()) ||
-                     (job->push_needs_room && has_room(*job) && job->waiting->count(root_page()) <= kMostAtRoot / 2);
   const bool idle = job->batches_out == 0 && !scheduler_.has_ready();
-  if (chunk_done || go_on || !job->status.ok() || idle) {
+  if (chunk_done || push_goes_on(*job) || !job->status.ok() || idle) {
     job->changed.notify_all();
   }
 }

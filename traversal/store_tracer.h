@@ -117,11 +117,14 @@ class StoreTracer {
   void work(unsigned index);
   Status plan_memory(const StoreShare& share);
   Status plan_layout(const StoreShare& share);
+  [[nodiscard]] bool stays_in_memory() const;
   [[nodiscard]] bool sorts(std::span<const Ray> rays) const;
   [[nodiscard]] bool can_expand() const;
   /// Whether the job's rays go to the expanded layout from now on, be it that they wait for it.
   [[nodiscard]] bool takes_fresh(const TraceJob& job) const;
   [[nodiscard]] bool has_fresh() const;
+  std::shared_ptr<TraceJob> next_job(const std::function<bool(const TraceJob&)>& has_it);
+  [[nodiscard]] bool push_goes_on(const TraceJob& job) const;
   void run_fresh(Worker& worker, WorkLock& lock);
   struct FreshAnswers {
     KernelCounters kernel;

@@ -19,11 +19,7 @@ bool StoreTracer::has_fresh() const {
 
 // A block of the next job, in turn, that has one.
 void StoreTracer::run_fresh(Worker& worker, WorkLock& lock) {
-  std::shared_ptr<TraceJob> job;
-  for (std::size_t i = 0; i < jobs_.size() && !job; ++i) {
-    const auto& candidate = jobs_[next_job_++ % jobs_.size()];
-    job = candidate->fresh && candidate->fresh->has_ready() ? candidate : nullptr;
-  }
+  const auto job = next_job([](const TraceJob& it) { return it.fresh && it.fresh->has_ready(); });
   FreshRays::Block* block = job->fresh->next();
   if (job->fresh->has_ready()) {
     work_wake_.notify_one();
@@ -49,9 +45,7 @@ void StoreTracer::run_fresh(Worker& worker, WorkLock& lock) {
   if (!job->status.ok()) {
     remove_job(*job);
   }
-  const bool go_on =
-      (job->push_blocked && job->place_for_many()) || (job->push_needs_room && job->fresh->has_much_room());
-  if (chunk_done || go_on || !job->status.ok()) {
+  if (chunk_done || push_goes_on(*job) || !job->status.ok()) {
     job->changed.notify_all();
   }
 }

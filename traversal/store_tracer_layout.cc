@@ -33,12 +33,16 @@ Status StoreTracer::plan_memory(const StoreShare& share) {
   if (const Status status = plan_layout(rest); !status.ok()) {
     return always ? status : plan_layout(share);
   }
-  const bool stays = plan_.frame_count == file_->page_count() || config_.layout == Layout::expanded;
-  if (!always && !stays) {
+  if (!always && !stays_in_memory()) {
     return plan_layout(share);
   }
   RAYMILL_ASSIGN_OR_RETURN(order_claim_, ledger_.claim(storage::Tag::rays, order_bytes));
   return {};
+}
+
+// Whether the plan lets all rays go on without pages that come and go.
+bool StoreTracer::stays_in_memory() const {
+  return config_.layout == Layout::expanded || plan_.frame_count == file_->page_count();
 }
 
 std::uint64_t StoreTracer::expansion_bytes(const StoreShare& share) const {
@@ -70,8 +74,8 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
   if (plannable) {
     RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, rest));
   }
-  const bool plenty = plannable && plan_.frame_count == file_->page_count() && plan_.job_bytes >= kPlentyJobBytes;
-  if (config_.layout != Layout::expanded && !plenty) {
+  const bool enough_for_jobs = config_.layout == Layout::expanded || plan_.job_bytes >= kPlentyJobBytes;
+  if (!plannable || !stays_in_memory() || !enough_for_jobs) {
     RAYMILL_ASSIGN_OR_RETURN(plan_, plan_budget(*file_, share));
     return {};
   }

@@ -6,12 +6,10 @@ are included by the image program alone.
     layering_lint.py REPOSITORY | --self-test
 """
 
-import pathlib
 import re
 import sys
-import tempfile
 
-from repository import repository_files
+import checker
 
 # In the data's way, first to last. A path belongs to the longest layer that it begins with.
 LAYERS = [
@@ -64,52 +62,29 @@ def violations(root, files):
                 yield f"{where}: {LAYERS[layer(file)]} must not include {LAYERS[to]} ({target}): data goes one way"
 
 
-def self_test():
-    bad = {
-        "storage/base/up.h": '#include "storage/import/scene.h"\n',
-        "storage/build/up.cc": '#pragma once\n\n  #  include "storage/pages/page.h"\n',
-        "storage/cache/up.cc": '#include "traversal/ray.h"\n',
-        "traversal/up.cc": '#include "server/job.h"\n',
-        "server/up.cc": '#include "client/cpp/client.h"\n',
-        "client/cpp/up.cc": '#include "client/cli/main.h"\n',
-        "traversal/kernel.cc": "#include <immintrin.h>\n",
-        "storage/pages/planes.cc": "#include <arm_neon.h>\n",
-        "traversal/mask.cc": "#include <OpenImageIO/imageio.h>\n",
-        "storage/import/vdb.cc": "#include <openvdb/openvdb.h>\n",
-        "server/relative.cc": '#include "../storage/base/status.h"\n',
-    }
-    good = {
-        "storage/base/status.h": "#include <string>\n",
-        "storage/cache/cache.cc": '#include "storage/base/status.h"\n#include "storage/io/reader.h"\n',
-        "traversal/simd/avx2.cc": '#include <immintrin.h>\n#include "storage/pages/page.h"\n',
-        "traversal/engine.h": '#include "traversal/service.h"\n// #include "server/job.h"\n',
-        "client/cli/image/main.cc": "#include <OpenImageIO/imageio.h>\n",
-        "client/cli/main.cc": '#include "client/cpp/raymill.h"\n#include "server/server.h"\n',
-        "tests/unit/any.cc": '#include "client/cli/main.h"\n#include "storage/base/status.h"\n',
-    }
-    with tempfile.TemporaryDirectory() as folder:
-        root = pathlib.Path(folder)
-        for name, text in {**bad, **good}.items():
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_text(text)
-        missed = [name for name in bad if not list(violations(root, [name]))]
-        wrong = [line for name in good for line in violations(root, [name])]
-    for name in missed:
-        print(f"not noticed: {name}: {bad[name]!r}")
-    for line in wrong:
-        print(f"wrongly reported: {line}")
-    return not missed and not wrong
-
-
-def main():
-    if sys.argv[1:] == ["--self-test"]:
-        return 0 if self_test() else 1
-    root = pathlib.Path(sys.argv[1]).resolve()
-    files = [name for name in repository_files(root) if SOURCE.search(name)]
-    found = list(violations(root, files))
-    print("\n".join(found) or f"{len(files)} files, none includes what stands after it")
-    return 1 if found else 0
+BAD = {
+    "storage/base/up.h": '#include "storage/import/scene.h"\n',
+    "storage/build/up.cc": '#pragma once\n\n  #  include "storage/pages/page.h"\n',
+    "storage/cache/up.cc": '#include "traversal/ray.h"\n',
+    "traversal/up.cc": '#include "server/job.h"\n',
+    "server/up.cc": '#include "client/cpp/client.h"\n',
+    "client/cpp/up.cc": '#include "client/cli/main.h"\n',
+    "traversal/kernel.cc": "#include <immintrin.h>\n",
+    "storage/pages/planes.cc": "#include <arm_neon.h>\n",
+    "traversal/mask.cc": "#include <OpenImageIO/imageio.h>\n",
+    "storage/import/vdb.cc": "#include <openvdb/openvdb.h>\n",
+    "server/relative.cc": '#include "../storage/base/status.h"\n',
+}
+GOOD = {
+    "storage/base/status.h": "#include <string>\n",
+    "storage/cache/cache.cc": '#include "storage/base/status.h"\n#include "storage/io/reader.h"\n',
+    "traversal/simd/avx2.cc": '#include <immintrin.h>\n#include "storage/pages/page.h"\n',
+    "traversal/engine.h": '#include "traversal/service.h"\n// #include "server/job.h"\n',
+    "client/cli/image/main.cc": "#include <OpenImageIO/imageio.h>\n",
+    "client/cli/main.cc": '#include "client/cpp/raymill.h"\n#include "server/server.h"\n',
+    "tests/unit/any.cc": '#include "client/cli/main.h"\n#include "storage/base/status.h"\n',
+}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(checker.main(violations, BAD, GOOD, "none includes what stands after it", SOURCE.search))

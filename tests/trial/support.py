@@ -192,6 +192,15 @@ def mib(size):
     return f"{size / MIB:.1f}"
 
 
+def add_run(path, lines):
+    """Appends a run's lines to those of earlier ones, each with the run's time and commit."""
+    told = subprocess.run(["git", "-C", str(pathlib.Path(__file__).parent), "rev-parse", "--short", "HEAD"],
+                          capture_output=True, text=True, check=False)
+    run = {"at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), "commit": told.stdout.strip()}
+    with open(path, "a", encoding="utf-8") as file:
+        file.writelines(json.dumps(line | {"run": run}) + "\n" for line in lines)
+
+
 def run_bench(make, options, name):
     """Runs make(options, folder), a bench with lines and problems, in options.work or a folder that is removed; prints
     its lines of JSON and how to repeat it. Returns the exit code."""
@@ -203,6 +212,8 @@ def run_bench(make, options, name):
             bench.problems.append(str(failure))
     for line in bench.lines:
         print(json.dumps(line))
+    if getattr(options, "runs", None):
+        add_run(options.runs, bench.lines)
     print(f"again: {shlex.join([sys.executable, *sys.argv])}")
     return ended(bench.problems, name)
 

@@ -8,6 +8,7 @@ and shadow rays are called coherent, and Embree's packets and streams are told s
 they hold and used again. Prints a table of million rays a second (raymill-in-core, main.cc), then geometric means of
 ratios: how often our best is the peer's rate. With --single only Embree's single rays stand beside ours. With --modes
 what watertight and exact cost: the time of each layout's kernel against mode fast, within a repetition; no Embree.
+--runs FILE.jsonl adds the lines to those of earlier runs, with the time and the commit; runs_plot.py draws them.
 """
 
 import argparse
@@ -36,6 +37,16 @@ MEANS = [("incoherent closest / embree1", ["bounce-shuffled"], SINGLE),
          ("coherent closest / best of packets and streams", ["primary"], PACKETS),
          ("any shuffled / embree1", ["ao-shuffled"], SINGLE),
          ("any coherent / best of packets and streams", ["shadow"], PACKETS)]
+
+
+def ratios(lines, kinds, peers):
+    """Of our best to the peers' best, for each line of such rays."""
+    return [InCore.best(line, OURS) / InCore.best(line, peers) for line in lines
+            if line["kind"] in kinds and any(peer in line["tracers"] for peer in peers)]
+
+
+def geometric_mean(numbers):
+    return math.exp(sum(map(math.log, numbers)) / len(numbers))
 
 
 class InCore:
@@ -82,17 +93,15 @@ class InCore:
                     self.lines.append(line)
                     table.row(scene.stem[:14], kind, *(self.rate(line, tracer) for tracer in TRACERS))
         for name, kinds, peers in MEANS:
-            self.mean(name, [self.best(line, OURS) / self.best(line, peers) for line in self.lines
-                             if line["kind"] in kinds and any(peer in line["tracers"] for peer in peers)])
+            self.mean(name, ratios(self.lines, kinds, peers))
         for tracer in MODES:
             self.mean(f"time of {tracer} / fast", [line["tracers"][tracer]["kernel_ratio"]["median"]
                                                    for line in self.lines if tracer in line["tracers"]])
 
     @staticmethod
-    def mean(name, ratios):
-        if ratios:
-            mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-            print(f"{name}: {mean:.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
+    def mean(name, numbers):
+        if numbers:
+            print(f"{name}: {geometric_mean(numbers):.2f} ({min(numbers):.2f} to {max(numbers):.2f})")
 
     @staticmethod
     def rate(line, tracer):
@@ -115,6 +124,7 @@ def parse():
     options.add_argument("--repeat", default=5, type=int, help="(%(default)s)")
     options.add_argument("--single", action="store_true", help="leave out Embree's packets and streams")
     options.add_argument("--modes", action="store_true", help="what the modes cost, fast first, without Embree")
+    options.add_argument("--runs", type=pathlib.Path, help="file of earlier runs' lines, to which this run's are added")
     options.add_argument("--short", action="store_true", help="the form that ctest runs")
     options = options.parse_args()
     if options.short:

@@ -14,7 +14,14 @@ namespace {
 using storage::Ledger;
 using storage::StoreFile;
 
-// What a tracer with this plan and `jobs` jobs of the largest kind claims, piece by piece.
+// What a tracer with this plan claims, piece by piece.
+std::uint64_t claimed_beside_jobs(const StoreFile& store, const BudgetPlan& plan) {
+  return std::uint64_t(plan.frame_count) * store.header().page_bytes +
+         storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
+         storage::page_reader_bytes(store, plan.read_depth) + plan.worker_bytes;
+}
+
+// The same with `jobs` jobs of the largest kind.
 std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsigned jobs) {
   std::uint64_t job = 0;
   for (const Field fields : {Field::all, Field::t, Field::count, Field::ids, kDefaultClosestFields, Field::normal}) {
@@ -22,9 +29,7 @@ std::uint64_t claimed_bytes(const StoreFile& store, const BudgetPlan& plan, unsi
       job = std::max(job, job_bytes(plan_job(plan, store.page_count(), {.fields = fields, .lists = lists})));
     }
   }
-  return std::uint64_t(plan.frame_count) * store.header().page_bytes +
-         storage::PageCache::table_bytes(store.page_count(), plan.frame_count) +
-         storage::page_reader_bytes(store, plan.read_depth) + plan.worker_bytes + jobs * job;
+  return claimed_beside_jobs(store, plan) + jobs * job;
 }
 
 class BudgetPlanTest : public testing::Test {
@@ -62,6 +67,20 @@ TEST_F(BudgetPlanTest, ClaimsNeverPassTheShareAndTheLeastIsEnough) {
           }
         }
       }
+    }
+  }
+}
+
+TEST_F(BudgetPlanTest, TheLeastHoldsWhateverAJobAnswers) {
+  const auto store = open(20000, 16 << 10, "zstd");
+  const std::uint64_t least = least_share_bytes(*store, 2, 3);
+  const auto plan = plan_budget(*store, {least, 2, 3});
+  ASSERT_TRUE(plan) << plan.status().message();
+  for (std::uint32_t fields = 1; fields <= std::uint32_t(Field::all | Field::count); ++fields) {
+    for (const bool lists : {false, true}) {
+      const JobPlan job = plan_job(*plan, store->page_count(), {.fields = Field(fields), .lists = lists});
+      EXPECT_LE(claimed_beside_jobs(*store, *plan) + 3 * job_bytes(job), least)
+          << to_string(Field(fields)) << (lists ? ", lists" : "");
     }
   }
 }

@@ -9,6 +9,7 @@
 #include <map>
 
 #include "tests/support/brute_force.h"
+#include "tests/support/effort.h"
 #include "tests/support/kernel_harness.h"
 #include "tests/support/rays.h"
 #include "tests/support/trees.h"
@@ -82,7 +83,7 @@ TEST_P(KernelOf, EveryIsaWidthAndScheduleGivesTheSameBits) {
         const Pages pages = build_pages(scene_, width);
         const LoadedPages loaded = load_pages(pages);
         if (rays.empty()) {
-          rays = random_rays(random_, pages.tree.bounds, 400);
+          rays = random_rays(random_, pages.tree.bounds, tests::kSanitized ? 150 : 400);
           const std::vector<Ray> hostile = hostile_rays();
           rays.insert(rays.end(), hostile.begin(), hostile.end());
         }
@@ -115,7 +116,7 @@ TEST_P(KernelOf, EveryIsaWidthAndScheduleGivesTheSameBits) {
 TEST_P(KernelOf, AnyHitIsThereExactlyWhereAClosestHitIs) {
   const Pages pages = build_pages(scene_, 8);
   const LoadedPages loaded = load_pages(pages);
-  const std::vector<Ray> rays = random_rays(random_, pages.tree.bounds, 2000);
+  const std::vector<Ray> rays = random_rays(random_, pages.tree.bounds, tests::kSanitized ? 500 : 2000);
   for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
     const auto closest = run_kernel(loaded, rays, {.mode = mode}).hits;
     const auto any = run_kernel(loaded, rays, {.query = Query::any, .mode = mode}).hits;

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "storage/pages/store_format.h"
+#include "tests/support/effort.h"
 #include "tests/support/rays.h"
 #include "tests/support/stores.h"
 #include "traversal/engine.h"
@@ -59,6 +60,9 @@ TEST_F(LayoutTest, EveryKernelGivesTheSameHitsByBoth) {
     for (const std::string& isa : available_isas()) {
       for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
         for (const Query query : {Query::closest, Query::any}) {
+          if (tests::kSanitized && (width == 4) != (query == Query::any)) {
+            continue;
+          }
           SCOPED_TRACE(isa + ", width " + std::to_string(width) + ", " + std::string(to_string(mode)) + ", " +
                        std::string(to_string(query)));
           TraceSetup compact = by_layout("compact"), expanded = by_layout("expanded", 2);
@@ -97,6 +101,9 @@ TEST_F(LayoutTest, CoherentRaysGoTogetherAndHitWhatTheyHitAlone) {
   // Small triangles, where packets share too little and give up, and large ones.
   const tests::Scene small = scene_, large = {tests::sphere({0.1F, 0.2F, 0}, 1.5F, 9, 9)};
   for (const auto& [width, is_large] : {std::pair(4u, false), {8u, false}, {4u, true}, {8u, true}}) {
+    if (tests::kSanitized && (width == 4) == is_large) {
+      continue;
+    }
     scene_ = is_large ? large : small;
     const std::string path = store(width);
     for (const std::string& isa : available_isas()) {

@@ -63,7 +63,7 @@ TEST_F(GenerateTest, SameSeedSameBytes) {
 }
 
 TEST_F(GenerateTest, TilesShareTheirBorders) {
-  const auto scene = make(SceneKind::terrain, 1500000, 3, "big.gltf");
+  const auto scene = make(SceneKind::terrain, 600000, 3, "big.gltf");
   ASSERT_GT(scene["meshes"].size(), 2U);
   // Each vertex on a tile's border stands in its neighbour with the same bits: a set of all has no near duplicates.
   std::set<std::pair<float, float>> places;

@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "tests/support/effort.h"
 #include "tests/unit/client/cli/folder.h"
 
 namespace raymill::client {
@@ -21,6 +22,9 @@ TEST_F(PictureTest, WritesBothFormats) {
   } cases[] = {{"out.png", "\x89PNG"}, {"out.exr", "\x76\x2f\x31\x01"}};
   for (const auto& [name, begins] : cases) {
     for (const Tone tone : {Tone::distance, Tone::direction, Tone::linear, Tone::radiance}) {
+      if (tests::kSanitized && (tone == Tone::linear || tone == Tone::radiance) != (name == std::string("out.exr"))) {
+        continue;
+      }
       const std::uint32_t channels = tone == Tone::distance || tone == Tone::linear ? 1 : 3;
       auto picture = Picture::create(path(name), {.width = 20, .height = 10}, channels, tone);
       ASSERT_TRUE(picture) << picture.status().message();
