@@ -123,12 +123,21 @@ class Bench {
     RAYMILL_ASSIGN_OR_RETURN(camera_, choose_camera(options_.camera, info_, picture_of(options_.count)));
     info_.metadata_json = std::string();  // can be large, and is not needed any more
     if (options_.embree) {
-      const auto triangles = [this](storage::TriangleSink& sink) { return read_store_triangles(options_.store, sink); };
-      RAYMILL_ASSIGN_OR_RETURN(EmbreeScene scene,
-                               EmbreeScene::create({.robust = options_.mode != Mode::fast}, triangles));
+      RAYMILL_ASSIGN_OR_RETURN(EmbreeScene scene, embree_scene());
       embree_.emplace(std::move(scene));
     }
     return {};
+  }
+
+  // Instances become Embree's.
+  [[nodiscard]] Result<EmbreeScene> embree_scene() const {
+    const EmbreeScene::Config config{.robust = options_.mode != Mode::fast};
+    if (info_.instances > 0) {
+      RAYMILL_ASSIGN_OR_RETURN(const PlacedTriangles placed, read_placed_triangles(options_.store));
+      return EmbreeScene::create(config, placed);
+    }
+    return EmbreeScene::create(
+        config, [this](storage::TriangleSink& sink) { return read_store_triangles(options_.store, sink); });
   }
 
   // The line of one kind.

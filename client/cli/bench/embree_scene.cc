@@ -2,9 +2,12 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -58,12 +61,7 @@ Result<EmbreeScene> EmbreeScene::create(const Config& config,
   }
 
   const auto begin = std::chrono::steady_clock::now();
-  made.device_ = rtcNewDevice(config.device.empty() ? nullptr : config.device.c_str());
-  if (made.device_ == nullptr) {
-    return {ErrorCode::internal, "Embree made no device"};
-  }
-  made.scene_ = rtcNewScene(made.device_);
-  rtcSetSceneFlags(made.scene_, config.robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
+  RAYMILL_RETURN_IF_ERROR(made.make_device(config));
   RTCGeometry geometry = rtcNewGeometry(made.device_, RTC_GEOMETRY_TYPE_TRIANGLE);
   rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, made.vertices_.data(), 0,
                              kCornerBytes, 3 * made.triangles_);
@@ -85,17 +83,86 @@ Result<EmbreeScene> EmbreeScene::create(const Config& config,
   return made;
 }
 
+Status EmbreeScene::make_device(const Config& config) {
+  device_ = rtcNewDevice(config.device.empty() ? nullptr : config.device.c_str());
+  if (device_ == nullptr) {
+    return {ErrorCode::internal, "Embree made no device"};
+  }
+  scene_ = rtcNewScene(device_);
+  rtcSetSceneFlags(scene_, config.robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
+  return {};
+}
+
+namespace {
+
+void attach_triangles(RTCDevice device, RTCScene scene, std::span<const storage::Triangle> triangles) {
+  if (triangles.empty()) {
+    return;
+  }
+  RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  auto* corners = static_cast<std::byte*>(rtcSetNewGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, kCornerBytes, 3 * triangles.size()));
+  auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), triangles.size()));
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    std::memcpy(corners + 3 * kCornerBytes * i, triangles[i].v.data(), 3 * kCornerBytes);
+  }
+  std::iota(indices, indices + 3 * triangles.size(), 0U);
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometry(scene, geometry);
+  rtcReleaseGeometry(geometry);
+}
+
+}  // namespace
+
+Result<EmbreeScene> EmbreeScene::create(const Config& config, const PlacedTriangles& scene) {
+  EmbreeScene made;
+  const auto begin = std::chrono::steady_clock::now();
+  RAYMILL_RETURN_IF_ERROR(made.make_device(config));
+  attach_triangles(made.device_, made.scene_, scene.world);
+  made.triangles_ = scene.world.size();
+  for (const std::vector<storage::Triangle>& triangles : scene.objects) {
+    RTCScene object = rtcNewScene(made.device_);
+    made.objects_.push_back(object);
+    rtcSetSceneFlags(object, config.robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
+    attach_triangles(made.device_, object, triangles);
+    rtcCommitScene(object);
+    made.triangles_ += triangles.size();
+  }
+  for (const PlacedTriangles::Place& place : scene.places) {
+    RTCGeometry geometry = rtcNewGeometry(made.device_, RTC_GEOMETRY_TYPE_INSTANCE);
+    rtcSetGeometryInstancedScene(geometry, made.objects_[place.object]);
+    std::array<float, 12> matrix{};
+    std::transform(place.world_from_object.begin(), place.world_from_object.end(), matrix.begin(),
+                   [](double x) { return static_cast<float>(x); });
+    rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, matrix.data());
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(made.scene_, geometry);
+    rtcReleaseGeometry(geometry);
+  }
+  rtcCommitScene(made.scene_);
+  if (const RTCError error = rtcGetDeviceError(made.device_); error != RTC_ERROR_NONE) {
+    return {ErrorCode::internal, "Embree reports error " + std::to_string(error)};
+  }
+  made.build_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return made;
+}
+
 EmbreeScene::EmbreeScene(EmbreeScene&& other) noexcept
     : vertices_(std::move(other.vertices_)),
       indices_(std::move(other.indices_)),
       device_(std::exchange(other.device_, nullptr)),
       scene_(std::exchange(other.scene_, nullptr)),
+      objects_(std::exchange(other.objects_, {})),
       triangles_(other.triangles_),
       build_seconds_(other.build_seconds_) {}
 
 EmbreeScene::~EmbreeScene() {
   if (scene_ != nullptr) {
     rtcReleaseScene(scene_);
+  }
+  for (RTCScene object : objects_) {
+    rtcReleaseScene(object);
   }
   if (device_ != nullptr) {
     rtcReleaseDevice(device_);

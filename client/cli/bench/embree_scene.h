@@ -10,7 +10,9 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
+#include "client/cli/bench/store_triangles.h"
 #include "storage/base/mapped_memory.h"
 #include "storage/base/status.h"
 #include "storage/import/scene_import.h"
@@ -27,6 +29,8 @@ class EmbreeScene {
   };
   /// Of the triangles that `fill` hands to the sink; they are numbered in that order.
   static Result<EmbreeScene> create(const Config& config, const std::function<Status(storage::TriangleSink&)>& fill);
+  /// Of placed objects: a scene of Embree each, and an instance for each place.
+  static Result<EmbreeScene> create(const Config& config, const PlacedTriangles& scene);
   EmbreeScene(EmbreeScene&& other) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) = delete;
   ~EmbreeScene();
@@ -47,11 +51,13 @@ class EmbreeScene {
 
  private:
   EmbreeScene() = default;
+  Status make_device(const Config& config);
 
   storage::MappedMemory vertices_;
   storage::MappedMemory indices_;
   RTCDevice device_ = nullptr;
   RTCScene scene_ = nullptr;
+  std::vector<RTCScene> objects_;
   std::uint64_t triangles_ = 0;
   double build_seconds_ = 0;
 };

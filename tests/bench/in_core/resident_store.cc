@@ -22,15 +22,22 @@ Result<ResidentStore> ResidentStore::load(const std::string& path) {
       file.read_buffer_bytes());
   storage::PageDecoder decoder(file.rules(), file.positions(), file.codec());
   const std::vector<std::uint32_t> demand(file.page_count());
-  RAYMILL_ASSIGN_OR_RETURN(const auto expander, traversal::TreeExpander::create(file, *store.ledger_));
+  std::unique_ptr<traversal::TreeExpander> expander;
+  if (traversal::ExpandedTree::possible(file)) {
+    RAYMILL_ASSIGN_OR_RETURN(expander, traversal::TreeExpander::create(file, *store.ledger_));
+  }
   for (std::uint32_t page = 0; page < file.page_count(); ++page) {
     const auto lease = store.cache_->begin_read(PageId{page}, {demand, {}});
     RAYMILL_ASSIGN_OR_RETURN(const auto encoded, file.read_page(PageId{page}, buffer));
     RAYMILL_ASSIGN_OR_RETURN([[maybe_unused]] const auto bytes, decoder.decode(encoded, lease->bytes));
-    RAYMILL_RETURN_IF_ERROR(expander->add(PageId{page}, lease->bytes.data()));
+    if (expander) {
+      RAYMILL_RETURN_IF_ERROR(expander->add(PageId{page}, lease->bytes.data()));
+    }
     store.cache_->publish(*lease);
   }
-  RAYMILL_ASSIGN_OR_RETURN(store.expanded_, expander->finish());
+  if (expander) {
+    RAYMILL_ASSIGN_OR_RETURN(store.expanded_, expander->finish());
+  }
   return store;
 }
 
@@ -58,6 +65,7 @@ Result<traversal::KernelCounters> ResidentStore::trace(const Run& run, std::span
   traversal::KernelContext context;
   context.images = cache_->images();
   context.touched = cache_->touched();
+  context.object_level = object_level();
   // Batch by batch, as the engine does.
   std::vector<RayState> batch;
   for (std::size_t first = 0; first < rays.size(); first += run.batch_rays) {

@@ -24,7 +24,7 @@ class ResidentStore {
   };
   /// Traces valid rays by the kernel alone; hits[i] is ray i's. Thread-confined.
   Result<traversal::KernelCounters> trace(const Run& run, std::span<const Ray> rays, std::span<Hit> hits) const;
-  /// The same by the expanded layout's kernels.
+  /// The same by the expanded layout's kernels, where the store may have that (not with instances).
   Result<traversal::KernelCounters> trace_expanded(const Run& run, std::span<const Ray> rays,
                                                    std::span<Hit> hits) const;
   /// Its bytes.
@@ -35,6 +35,7 @@ class ResidentStore {
   [[nodiscard]] unsigned width() const { return file_->rules().width; }
   [[nodiscard]] std::uint32_t page_count() const { return file_->page_count(); }
   [[nodiscard]] std::uint32_t root_page() const { return file_->footer().root_page; }
+  [[nodiscard]] unsigned object_level() const { return file_->footer().object_level; }
   [[nodiscard]] const std::byte* image(std::uint32_t page) const { return cache_->images()[page].load(); }
 
  private:

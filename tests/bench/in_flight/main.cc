@@ -45,17 +45,20 @@ class SomePages {
       const bool is_there = page == store.root_page() || random.unit() * 100 < there_percent;
       images_[page] = is_there ? store.image(page) : nullptr;
     }
+    object_level_ = store.object_level();
   }
   [[nodiscard]] traversal::KernelContext context() {
     traversal::KernelContext context;
     context.images = images_.data();
     context.touched = touched_.data();
+    context.object_level = object_level_;
     return context;
   }
 
  private:
   std::vector<std::atomic<const std::byte*>> images_;
   std::vector<std::atomic<std::uint8_t>> touched_;
+  unsigned object_level_ = 0;
 };
 
 struct Parked {
@@ -96,9 +99,12 @@ Result<nlohmann::json> run(const Options& options) {
   const traversal::Kernel kernel = store.kernel({.isa = traversal::runnable_isas().front(), .query = query});
 
   storage::Ledger ledger(std::numeric_limits<std::uint64_t>::max());
-  const Field kept = query == Query::any ? Field::t : kDefaultClosestFields;
+  // As a job asks: with instances, for closest hits, their ids too.
+  const Field closest = store.object_level() != 0 ? kDefaultClosestFields | Field::instance_id : kDefaultClosestFields;
+  const Field kept = query == Query::any ? Field::t : closest;
   WaitingRays::Config config;
-  config.layout = traversal::RecordLayout(kept);
+  config.layout =
+      traversal::RecordLayout(kept, traversal::KeptCorners::none, {.instance_id = has(kept, Field::instance_id)});
   config.page_count = store.page_count();
   config.group_pages = std::max(1U, store.page_count() / 16);
   config.pool_chunks = static_cast<std::uint32_t>(traversal::RayPool::chunks_for(
