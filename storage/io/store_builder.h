@@ -24,6 +24,7 @@
 #include "storage/import/scene_import.h"
 #include "storage/io/build_store.h"
 #include "storage/io/store_file_writer.h"
+#include "storage/io/volume_build.h"
 #include "storage/pages/codec.h"
 
 namespace raymill::storage {
@@ -43,6 +44,8 @@ class StoreBuilder final : public TriangleSink {
 
   /// Errors: disk_full, io, interrupted.
   Status add(std::span<const Triangle> triangles) override;
+  /// Adds the grids of an OpenVDB file. Errors: those of VolumeBuild::add(), invalid_argument (the transform).
+  Status add_volumes(const std::string& path);
   /// Builds and writes the store. Errors: bad_scene (nothing to hit), budget_exceeded, unsupported, disk_full, io,
   /// interrupted, internal.
   Result<BuildReport> finish();
@@ -51,6 +54,7 @@ class StoreBuilder final : public TriangleSink {
   struct Plan {
     Codec codec = Codec::zstd;
     PositionsRequest positions;
+    std::optional<std::int32_t> volume_step{};
     unsigned threads = 1;
   };
   using Clock = std::chrono::steady_clock;
@@ -61,6 +65,8 @@ class StoreBuilder final : public TriangleSink {
   [[nodiscard]] Status step(const char* phase, double fraction) const;
   [[nodiscard]] StoreHeader header(const Lattice& lattice) const;
   Result<Partition> partition(Lattice& lattice);
+  Result<BuildReport> finish_without_triangles(const Lattice& lattice, Clock::time_point build_start);
+  Result<BuildReport> finish_file(StoreFileWriter& writer, StoreFooter& footer, Clock::time_point build_start);
   [[nodiscard]] Status needs(std::uint64_t triangles, std::uint64_t bytes) const;
 
   const BuildConfig& config_;
@@ -73,6 +79,8 @@ class StoreBuilder final : public TriangleSink {
   TriangleSpool spool_;
   BudgetReservation spool_claim_;
   ImportReport import_report_;
+  VolumeBuild volumes_;
+  std::size_t volume_files_ = 0;
   BuildReport report_;
   double import_fraction_ = 0;
   Clock::time_point start_ = Clock::now();

@@ -25,8 +25,9 @@ enum class Feature : std::uint64_t {
   triangles = 1,     ///< always set
   geometry_ids = 2,  ///< more than one geometry: hits tell them apart
   lattice = 4,       ///< positions are multiples of the header's step
+  volumes = 32,      ///< the footer names a table of volumes
 };
-constexpr std::uint64_t kKnownFeatures = 7;
+constexpr std::uint64_t kKnownFeatures = 7 | 32;
 
 struct StoreHeader {
   std::array<char, 8> magic = kHeaderMagic;
@@ -73,8 +74,9 @@ struct StoreFooter {
   std::array<float, 3> bounds_min{};
   std::array<float, 3> bounds_max{};
   std::uint64_t file_bytes = 0;
-  std::array<std::uint8_t, 24> unused{};
-  std::uint64_t checksum = 0;  ///< of the bytes before it
+  std::array<std::uint8_t, 20> unused{};
+  std::uint32_t volume_page = 0;  ///< of the table of volumes, where the store has that feature; else 0
+  std::uint64_t checksum = 0;     ///< of the bytes before it
   std::array<char, 8> magic = kFooterMagic;
 };
 static_assert(sizeof(StoreFooter) == 184 && std::is_trivially_copyable_v<StoreFooter>);
