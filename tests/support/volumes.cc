@@ -120,7 +120,8 @@ void for_each_brick(const TestVolume& volume,
   visit(grid.origin, levels_for(grid.cells));
 }
 
-BuiltVolume build_volume(const TestVolume& volume, std::uint32_t page_bytes, std::optional<std::int32_t> step_exponent) {
+BuiltVolume build_volume(const TestVolume& volume, std::uint32_t page_bytes,
+                         std::optional<std::int32_t> step_exponent) {
   BuiltVolume built;
   VolumeTree::Config config{.page_bytes = page_bytes, .step_exponent = step_exponent, .write = {}};
   config.write = [&](std::uint32_t page, std::span<const std::byte> image) {
@@ -210,8 +211,8 @@ double dense_depth(const TestVolume& volume, const Ray& ray, int steps) {
   for (int i = 0; i < steps; ++i) {
     sum += field_at(volume, ray, way.begin + (i + 0.5) * (way.end - way.begin) / steps);
   }
-  const double length = std::sqrt(double(ray.dir[0]) * ray.dir[0] + double(ray.dir[1]) * ray.dir[1] +
-                                  double(ray.dir[2]) * ray.dir[2]);
+  const double length =
+      std::sqrt(double(ray.dir[0]) * ray.dir[0] + double(ray.dir[1]) * ray.dir[1] + double(ray.dir[2]) * ray.dir[2]);
   return sum * (way.end - way.begin) / steps * length;
 }
 

@@ -147,13 +147,15 @@ void surface(const std::string& path, const std::string& rays_path, const std::s
   const openvdb::tools::LevelSetRayIntersector<FloatGrid> intersector(*grid);
   std::vector<float> answers;
   for (const Ray& ray : read_rays(rays_path)) {
-    const openvdb::math::Ray<double> world(Vec3d(ray.org[0], ray.org[1], ray.org[2]),
-                                           Vec3d(ray.dir[0], ray.dir[1], ray.dir[2]), ray.tnear,
-                                           std::min(double(ray.tfar), 1e9));
+    Vec3d dir(ray.dir[0], ray.dir[1], ray.dir[2]);
+    const double length = dir.length();
+    dir.normalize();  // it takes no other
+    const openvdb::math::Ray<double> world(Vec3d(ray.org[0], ray.org[1], ray.org[2]), dir, ray.tnear * length,
+                                           std::min(double(ray.tfar), 1e9) * length);
     Vec3d point, normal(0, 0, 0);
     double t = 0;
     const bool hit = intersector.intersectsWS(world, point, normal, t);
-    answers.push_back(hit ? static_cast<float>(t) : std::numeric_limits<float>::infinity());
+    answers.push_back(hit ? static_cast<float>(t / length) : std::numeric_limits<float>::infinity());
     for (int axis = 0; axis < 3; ++axis) {
       answers.push_back(static_cast<float>(normal[axis]));
     }

@@ -65,8 +65,9 @@ double track(const BrickCells& cells, const storage::Brick& brick, const Interva
   for (const std::int32_t index : brick.origin) {
     key = mix(key ^ static_cast<std::uint32_t>(index));
   }
-  double transmittance = exp_of_minus(std::max(0.0, double(brick.lower) * loss * (in.end - in.begin)));
-  const double most = (double(brick.upper) - brick.lower) * loss * majorant;
+  const double control = std::max(0.0F, brick.lower);
+  double transmittance = exp_of_minus(control * loss * (in.end - in.begin));
+  const double most = (std::max(0.0F, brick.upper) - control) * loss * majorant;
   double t = in.begin;
   // Below float32's least number the answer is 0.
   for (std::uint64_t place = 0; transmittance > 0x1p-160; ++place) {
@@ -74,7 +75,7 @@ double track(const BrickCells& cells, const storage::Brick& brick, const Interva
     if (!(t < in.end)) {
       break;
     }
-    transmittance *= 1 - (cells.value(t) - brick.lower) * loss / most;
+    transmittance *= 1 - (cells.value(t) - control) * loss / most;
   }
   return transmittance;
 }

@@ -120,9 +120,9 @@ TEST(VolumeKernel, LatticeRoundsByHalfAStepAtMost) {
   Resident exact(fog), rounded(fog, -8);
   for (const Ray& ray : rays_through(fog, 50, 4)) {
     const Way way = way_through(fog, ray);
-    const double length = std::max(0.0, way.end - way.begin) *
-                          std::sqrt(double(ray.dir[0]) * ray.dir[0] + double(ray.dir[1]) * ray.dir[1] +
-                                    double(ray.dir[2]) * ray.dir[2]);
+    const double length =
+        std::max(0.0, way.end - way.begin) *
+        std::sqrt(double(ray.dir[0]) * ray.dir[0] + double(ray.dir[1]) * ray.dir[1] + double(ray.dir[2]) * ray.dir[2]);
     const double depth = -std::log(exact.run(Query::transmittance, {}, ray).t);
     EXPECT_NEAR(-std::log(rounded.run(Query::transmittance, {}, ray).t), depth, length * 0x1p-9 + 1e-5);
   }
@@ -164,8 +164,7 @@ TEST(VolumeKernel, WaitingAtEveryItemChangesNoBit) {
   Resident in_fog(fog), at_surface(surface);
   for (const Ray& ray : rays_through(fog, 60, 6)) {
     for (const VolumeConfig& config : {VolumeConfig(), march(0.05), ratio(7)}) {
-      EXPECT_EQ(in_fog.run(Query::transmittance, config, ray, true).t,
-                in_fog.run(Query::transmittance, config, ray).t);
+      EXPECT_EQ(in_fog.run(Query::transmittance, config, ray, true).t, in_fog.run(Query::transmittance, config, ray).t);
     }
   }
   for (const Ray& ray : rays_through(surface, 60, 7)) {
@@ -195,8 +194,7 @@ TEST(VolumeStore, AnswersDependNeitherOnMemoryNorOnThreadsNorOnTheSchedule) {
   const TempFolder folder;
   const TestVolume fog = wavy_fog(100), surface = ball(64, {0.5, 0.5, 0.5}, 0.4);
   const std::string store = build_volumes(
-      folder, "both.mill",
-      {write_volume_file(folder, "fog.vdb", fog), write_volume_file(folder, "ball.vdb", surface)});
+      folder, "both.mill", {write_volume_file(folder, "fog.vdb", fog), write_volume_file(folder, "ball.vdb", surface)});
   const auto report = verify(store);
   ASSERT_TRUE(report.ok()) << report.status().message();
   EXPECT_EQ(report->volumes, 2U);
@@ -276,7 +274,8 @@ TEST(VolumeStore, AStreamThatIsCutIsBadInputAndLeavesNothing) {
 
 TEST(VolumeStore, AStoreWithoutVolumesHasNoneOfTheirBytes) {
   const TempFolder folder;
-  const std::string store = build_store(folder, "plain.mill", {{Corners{Vec3f{0, 0, 0}, Vec3f{1, 0, 0}, Vec3f{0, 1, 0}}}});
+  const std::string store =
+      build_store(folder, "plain.mill", {{Corners{Vec3f{0, 0, 0}, Vec3f{1, 0, 0}, Vec3f{0, 1, 0}}}});
   Ledger ledger(gibibytes(1));
   const auto file = StoreFile::open(store, ledger);
   ASSERT_TRUE(file.ok());
