@@ -10,6 +10,8 @@ packages=(
   g++ cmake ninja-build pkg-config protobuf-compiler
   # scenes in: glTF, Draco and meshopt (PLY, OBJ and STL need none)
   libtinygltf-dev nlohmann-json3-dev libstb-dev libdraco-dev libmeshoptimizer-dev
+  # volumes in
+  libopenvdb-dev libboost-iostreams-dev
   # building and reading stores
   libembree-dev libtbb-dev libzstd-dev liblz4-dev libxxhash-dev liburing-dev
   # pictures out

@@ -15,7 +15,8 @@ pb::Query to_wire(Query query) {
     case Query::count:
       return pb::QUERY_COUNT;
     case Query::all:
-      break;  // no server answers it: JobLink::start
+    case Query::transmittance:
+      break;  // no server answers them: JobLink::start
   }
   return pb::QUERY_UNSPECIFIED;
 }

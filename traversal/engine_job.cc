@@ -252,6 +252,9 @@ std::uint32_t EngineJob::pack(const Slice& slice) {
         state.skipped = slice.some.skipped(index);
         state.mask = slice.some.mask(index);
         state.node = static_cast<std::uint16_t>(footer.root_node);
+        if (job_->config.query == Query::transmittance) {
+          begin_volumes(job_->config.query, job_->config.volume, tracer_->volumes_, state);
+        }
         at += layout.pack(state, records_.data() + at);
         ++valid;
       },
@@ -282,7 +285,7 @@ Status EngineJob::account(std::size_t rays) {
 
 // Puts so many records into the root page's queue.
 void EngineJob::enqueue(std::uint32_t count) {
-  const storage::PageId root = tracer_->root_page();
+  const storage::PageId root = job_->start_page;
   const RecordLayout& layout = job_->waiting->pool().layout();
   for (std::size_t i = 0, at = 0; i < count; ++i) {
     const std::size_t bytes = layout.bytes(records_.data() + at);

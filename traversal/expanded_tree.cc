@@ -45,7 +45,8 @@ bool is_block(const storage::Node<N>& node, unsigned slot) {
 
 bool ExpandedTree::possible(const storage::StoreFile& store) {
   constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
-  return node_count(store) <= kMost && word_count(store) <= kMost && store.footer().object_level == 0;
+  return !store.has_volumes() && store.footer().object_level == 0 && node_count(store) <= kMost &&
+         word_count(store) <= kMost;
 }
 
 std::uint64_t ExpandedTree::bytes(const storage::StoreFile& store) {

@@ -17,8 +17,9 @@ constexpr NamedField kFieldNames[] = {
     {Field::instance_id, "instance_id"},
     {Field::normal, "normal"},
     {Field::count, "count"},
+    {Field::transmittance, "transmittance"},
 };
-constexpr Query kQueries[] = {Query::closest, Query::any, Query::count, Query::all};
+constexpr Query kQueries[] = {Query::closest, Query::any, Query::count, Query::all, Query::transmittance};
 
 template <typename T>
 void put(std::byte*& at, const T& value) {
@@ -57,6 +58,9 @@ void for_each_member(Field fields, HitType& hit, Step&& step) {
   if (has(fields, Field::count)) {
     step(hit.count);
   }
+  if (has(fields, Field::transmittance)) {
+    step(hit.t);
+  }
 }
 
 }  // namespace
@@ -79,6 +83,9 @@ Hit HitLayout::read(const std::byte* row) const {
 std::string HitLayout::numpy_descr() const {
   if (fields_ == Field::count) {
     return "'<u4'";
+  }
+  if (fields_ == Field::transmittance) {
+    return "'<f4'";
   }
   std::string text = "[";
   const auto column = [&text](std::string_view name, std::string_view type, std::string_view shape = "") {
@@ -118,6 +125,8 @@ std::string_view to_string(Query query) {
       return "count";
     case Query::all:
       return "all";
+    case Query::transmittance:
+      return "transmittance";
     default:
       return "closest";
   }
@@ -130,6 +139,17 @@ std::string_view to_string(Mode mode) {
       return "exact";
     default:
       return "watertight";
+  }
+}
+
+std::string_view to_string(VolumeMethod method) {
+  switch (method) {
+    case VolumeMethod::march:
+      return "march";
+    case VolumeMethod::ratio:
+      return "ratio";
+    default:
+      return "exact";
   }
 }
 
@@ -152,7 +172,8 @@ Result<Query> parse_query(std::string_view text) {
       return query;
     }
   }
-  return {ErrorCode::invalid_argument, "query '" + std::string(text) + "' is none of closest, any, count, all"};
+  return {ErrorCode::invalid_argument,
+          "query '" + std::string(text) + "' is none of closest, any, count, all, transmittance"};
 }
 
 Result<Mode> parse_mode(std::string_view text) {
@@ -162,6 +183,15 @@ Result<Mode> parse_mode(std::string_view text) {
     }
   }
   return {ErrorCode::invalid_argument, "mode '" + std::string(text) + "' is none of watertight, fast, exact"};
+}
+
+Result<VolumeMethod> parse_volume_method(std::string_view text) {
+  for (const VolumeMethod method : {VolumeMethod::exact, VolumeMethod::march, VolumeMethod::ratio}) {
+    if (text == to_string(method)) {
+      return method;
+    }
+  }
+  return {ErrorCode::invalid_argument, "method '" + std::string(text) + "' is none of exact, march, ratio"};
 }
 
 Result<Field> parse_fields(std::string_view text) {

@@ -18,7 +18,21 @@ namespace raymill {
 
 /// closest: the nearest hit. any: whether there is a hit at all.
 /// count: how many crossings a ray has. all: every crossing, in order. traversal/crossings.md says what a crossing is.
-enum class Query : std::uint8_t { closest, any, count, all };
+/// transmittance: the share of light that fog volumes let pass between tnear and tfar; surfaces do not count.
+enum class Query : std::uint8_t { closest, any, count, all, transmittance };
+
+/// exact: the integral of the trilinear field, cell by cell. march: samples at the middle of equal steps. ratio: a
+/// random estimate that is right on the average (residual ratio tracking).
+enum class VolumeMethod : std::uint8_t { exact, march, ratio };
+
+/// How transmittance is answered. traversal/volume/README.md says what each costs and is worth.
+struct VolumeConfig {
+  VolumeMethod method = VolumeMethod::exact;
+  double step = 0;           ///< march: the longest, in scene units
+  double density_scale = 1;  ///< extinction in 1 / scene unit, of a voxel that holds 1
+  std::uint64_t seed = 1;    ///< ratio: what the answer depends on besides the ray itself
+  double majorant = 1;       ///< ratio: how many times the least majorant; more samples, less noise
+};
 
 /// watertight: no ray passes between triangles that share an edge or a vertex (the decision is made in float64).
 /// fast: Moeller-Trumbore in float32; error measured, not bounded.
@@ -27,16 +41,17 @@ enum class Query : std::uint8_t { closest, any, count, all };
 enum class Mode : std::uint8_t { watertight, fast, exact };
 
 /// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was. For
-/// Query::count only `count` is, and by no other query.
+/// Query::count only `count` is, for Query::transmittance only `transmittance`, and by no other query.
 enum class Field : std::uint32_t {
   none = 0,
-  t = 1,             ///< float32, in lengths of dir
-  uv = 2,            ///< two float32: hit = (1-u-v) v0 + u v1 + v v2
-  primitive_id = 4,  ///< uint32
-  geometry_id = 8,   ///< uint32
-  instance_id = 16,  ///< uint32; 0xFFFFFFFF: flattened geometry has no instance
-  normal = 32,       ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
-  count = 64,        ///< uint32; kNoCount: the ray is invalid
+  t = 1,                ///< float32, in lengths of dir
+  uv = 2,               ///< two float32: hit = (1-u-v) v0 + u v1 + v v2
+  primitive_id = 4,     ///< uint32
+  geometry_id = 8,      ///< uint32
+  instance_id = 16,     ///< uint32; 0xFFFFFFFF: flattened geometry has no instance
+  normal = 32,          ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
+  count = 64,           ///< uint32; kNoCount: the ray is invalid
+  transmittance = 128,  ///< float32, alone; NaN: the ray is invalid
   ids = primitive_id | geometry_id,
   all = 63,  ///< of a hit
 };
@@ -74,7 +89,8 @@ struct RayExtras {
   std::span<const std::uint32_t> masks = {};
 };
 
-/// A hit with every field; those that were not asked for hold their defaults. A miss: t = +inf, ids kNoId.
+/// A hit with every field; those that were not asked for hold their defaults. A miss: t = +inf, ids kNoId. The answer
+/// to Query::transmittance stands in t.
 struct Hit {
   float t = std::numeric_limits<float>::infinity();
   float u = 0;
@@ -108,15 +124,20 @@ class HitLayout {
 
 /// The fields that a query answers when these are asked for.
 constexpr Field answered_fields(Query query, Field asked) {
-  return query == Query::any ? Field::t : query == Query::count ? Field::count : asked;
+  return query == Query::any             ? Field::t
+         : query == Query::count         ? Field::count
+         : query == Query::transmittance ? Field::transmittance
+                                         : asked;
 }
 
 std::string_view to_string(Query query);
 std::string_view to_string(Mode mode);
+std::string_view to_string(VolumeMethod method);
 /// Fields as a comma-separated list of names, as `--fields` takes them.
 std::string to_string(Field fields);
 Result<Query> parse_query(std::string_view text);
 Result<Mode> parse_mode(std::string_view text);
+Result<VolumeMethod> parse_volume_method(std::string_view text);
 Result<Field> parse_fields(std::string_view text);
 
 }  // namespace raymill

@@ -26,6 +26,7 @@ struct TraceConfig {
   Query query = Query::closest;
   Mode mode = Mode::watertight;
   Field fields = kDefaultClosestFields;  ///< Query::any answers Field::t alone and Query::count Field::count
+  VolumeConfig volume = {};              ///< Query::transmittance
   std::uint64_t first = 0;               ///< Query::all: of each ray at most so many hits, the nearest; 0: all
   bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_with)
   bool masks = false;                    ///< each ray brings a mask (Job::push_with)

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
+#include <cmath>
 #include <optional>
 
+#include "storage/io/volume_table.h"
 #include "storage/pages/codec.h"
 #include "traversal/engine_job.h"
 #include "traversal/simd/float_mode.h"
@@ -37,11 +39,25 @@ Status check(const TraceConfig& config) {
   if (has(config.fields, Field::count) && config.query != Query::count) {
     return {ErrorCode::invalid_argument, "only the query count answers the field count"};
   }
+  if (has(config.fields, Field::transmittance) && config.query != Query::transmittance) {
+    return {ErrorCode::invalid_argument, "only the query transmittance answers the field transmittance"};
+  }
   if (!config.geometry_masks && (config.masks || config.mask != kAllMask)) {
     return {ErrorCode::invalid_argument, "masks of rays need masks of geometries to be held against"};
   }
   if (config.first != 0 && config.query != Query::all) {
     return {ErrorCode::invalid_argument, "only the query all gives the first hits of a ray; closest gives the first"};
+  }
+  return {};
+}
+
+Status check(const VolumeConfig& config) {
+  const auto positive = [](double value) { return value > 0 && std::isfinite(value); };
+  if (config.method == VolumeMethod::march && !positive(config.step)) {
+    return {ErrorCode::invalid_argument, "marching takes a step above 0, in scene units"};
+  }
+  if (!positive(config.density_scale) || !(config.majorant >= 1 && std::isfinite(config.majorant))) {
+    return {ErrorCode::invalid_argument, "a density scale is above 0, a majorant at least 1 times the least"};
   }
   return {};
 }
@@ -55,6 +71,7 @@ KeptCorners kept_corners(const TraceConfig& config) {
 Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const storage::StoreFile> file,
                                                          const Config& config, storage::Ledger& ledger) {
   std::shared_ptr<StoreTracer> tracer(new StoreTracer(std::move(file), config, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(tracer->volumes_, storage::read_volumes(*tracer->file_));
   RAYMILL_RETURN_IF_ERROR(tracer->init());
   return tracer;
 }
@@ -119,11 +136,23 @@ StoreTracer::~StoreTracer() {
   reader_.reset();  // its threads call on_arrival until they are gone
 }
 
+Status StoreTracer::check_query(const TraceConfig& config) const {
+  RAYMILL_RETURN_IF_ERROR(check(config));
+  if (config.query == Query::transmittance) {
+    if (!looks_at(config.query, volumes_)) {
+      return {ErrorCode::invalid_argument,
+              file_->path() + ": holds no fog volume; build it from a .vdb that has one, or ask another query"};
+    }
+    return check(config.volume);
+  }
+  return {};
+}
+
 Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::shared_ptr<StoreTracer> self) {
   TraceJob::Setup setup;
   setup.config = config;
   setup.config.fields = answered_fields(config.query, config.fields);
-  RAYMILL_RETURN_IF_ERROR(check(setup.config));
+  RAYMILL_RETURN_IF_ERROR(check_query(setup.config));
   const storage::PageRules rules = file_->rules();
   const KernelChoice choice{config.query, config.mode, rules.width};
   setup.kernel = find_kernel(config_.isa, choice);
@@ -131,7 +160,15 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   setup.kernel_name = std::string(to_string(config.query)) + "/mbvh" + std::to_string(rules.width) + "/bits" +
                       std::to_string(storage::kBitstackBits) + "/" + std::string(to_string(config.mode)) + "/" +
                       std::string(to_string(config_.isa));
-  if (future_demand_) {
+  setup.start_page = root_page();
+  setup.among_volumes = looks_at(config.query, volumes_);
+  if (config.query == Query::transmittance) {
+    RayState first;
+    begin_volumes(config.query, config.volume, volumes_, first);
+    setup.start_page = storage::PageId{first.page};
+    setup.kernel_name = "transmittance/" + std::string(to_string(config.volume.method));
+  }
+  if (future_demand_ && !setup.among_volumes) {
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
   }
 
@@ -219,7 +256,7 @@ std::uint32_t StoreTracer::low_water(const TraceJob& job) const {
 
 // Whether push() may go on: rays that workers have not got round to yet would only take memory from those that wait.
 bool StoreTracer::has_room(const TraceJob& job) const {
-  return job.waiting->count(root_page()) < kMostAtRoot &&
+  return job.waiting->count(job.start_page) < kMostAtRoot &&
          job.waiting->free_chunks() >= low_water(job) + RaySpiller::kPushChunks;
 }
 
@@ -255,7 +292,7 @@ std::shared_ptr<TraceJob> StoreTracer::next_job(const std::function<bool(const T
 bool StoreTracer::push_goes_on(const TraceJob& job) const {
   const auto has_much_room = [&] {
     return takes_fresh(job) ? job.fresh->has_much_room()
-                            : has_room(job) && job.waiting->count(root_page()) <= kMostAtRoot / 2;
+                            : has_room(job) && job.waiting->count(job.start_page) <= kMostAtRoot / 2;
   };
   return (job.push_blocked && job.place_for_many()) || (job.push_needs_room && has_much_room());
 }

@@ -43,6 +43,7 @@
 #include "traversal/service.h"
 #include "traversal/store_expansion.h"
 #include "traversal/timeline.h"
+#include "traversal/volume/volume_kernel.h"
 
 namespace raymill::traversal {
 
@@ -143,6 +144,7 @@ class StoreTracer {
   };
   BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image,
                             CrossingBuffer* crossings);
+  BatchCounters trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page) const;
   void wait_for_work(WorkLock& lock);
   void handle_arrival(Worker& worker, WorkLock& lock);
   void run_batch(Worker& worker, storage::PageId page, WorkLock& lock);
@@ -162,10 +164,12 @@ class StoreTracer {
   void on_arrival(storage::PageArrival arrival);
   [[nodiscard]] PageState state_of(storage::PageId page) const;
   [[nodiscard]] storage::PageId root_page() const { return storage::PageId{file_->footer().root_page}; }
+  [[nodiscard]] Status check_query(const TraceConfig& config) const;
   void fail_waiting(storage::PageId page, const Status& status);
   void remove_job(TraceJob& job);
 
   const std::shared_ptr<const storage::StoreFile> file_;
+  std::vector<storage::Volume> volumes_;  // by their index; set once
   const Config config_;
   storage::Ledger& ledger_;
   storage::BudgetReservation workers_claim_;

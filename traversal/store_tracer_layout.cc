@@ -58,6 +58,10 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
   rest.bytes -= std::min(rest.bytes, bytes);
   const std::uint64_t least = least_share_bytes(*file_, share.threads, share.max_jobs);
   if (config_.layout == Layout::expanded) {
+    if (file_->has_volumes()) {
+      return {ErrorCode::unsupported,
+              file_->path() + ": has volumes, which the expanded layout does not hold; use --layout auto"};
+    }
     if (!possible) {
       return {ErrorCode::unsupported, file_->path() +
                                           ": has instances, or more triangles than the expanded layout can hold; use "
@@ -138,6 +142,9 @@ void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
 StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, storage::PageId page,
                                                     const std::byte* image, CrossingBuffer* crossings) {
   std::span<RayState> rays = worker.rays;
+  if (job.among_volumes && (image == nullptr || storage::VolumePageView::is_volume_page(image))) {
+    return trace_volumes(worker, job, page);
+  }
   KernelContext context;
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
@@ -149,6 +156,36 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);
   }
+  if (worker.page_lane) {
+    worker.page_lane->end_batch(index_of(page), cache_->touched());
+  }
+  BatchCounters counters{context.counters, context.corrupt};
+  if (job.among_volumes) {
+    for (RayState& ray : rays) {
+      if (ray.done && !(job.config.query == Query::any && ray.has_hit)) {
+        begin_volumes(job.config.query, job.config.volume, volumes_, ray);
+      }
+    }
+    const BatchCounters after = config_.adversarial ? BatchCounters() : trace_volumes(worker, job, page);
+    counters.kernel.nodes_visited += after.kernel.nodes_visited;
+    counters.kernel.pages_entered += after.kernel.pages_entered;
+    counters.corrupt = counters.corrupt || after.corrupt;
+  }
+  return counters;
+}
+
+// Runs those of the rays that are among volumes.
+StoreTracer::BatchCounters StoreTracer::trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page) const {
+  VolumeContext context;
+  context.volumes = volumes_;
+  context.query = job.config.query;
+  context.config = job.config.volume;
+  context.need_normal = has(job.config.fields, Field::normal);
+  context.filter = job.hit_filter();
+  context.images = cache_->images();
+  context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
+  context.lone_items = config_.adversarial;
+  run_volumes(context, worker.rays);
   if (worker.page_lane) {
     worker.page_lane->end_batch(index_of(page), cache_->touched());
   }

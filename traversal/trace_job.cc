@@ -25,6 +25,8 @@ TraceJob::TraceJob(Setup setup)
       kernel_name(std::move(setup.kernel_name)),
       most_in_flight(setup.most_in_flight),
       future_demand(std::move(setup.future_demand)),
+      start_page(setup.start_page),
+      among_volumes(setup.among_volumes),
       crossings_claim(std::move(setup.crossings_claim)),
       crossings(std::move(setup.crossings)),
       waiting(std::move(setup.waiting)),

@@ -36,6 +36,8 @@ class TraceJob {
     std::vector<Crossing> crossings;
     std::uint64_t most_in_flight = 0;
     std::unique_ptr<FutureDemand::Share> future_demand;  ///< none: eviction does not ask for it
+    storage::PageId start_page{0};
+    bool among_volumes = false;
   };
   explicit TraceJob(Setup setup);
 
@@ -53,6 +55,8 @@ class TraceJob {
   const std::string kernel_name;
   const std::uint64_t most_in_flight;
   const std::unique_ptr<FutureDemand::Share> future_demand;
+  const storage::PageId start_page;  ///< where rays begin
+  const bool among_volumes;          ///< rays go among volumes, at once or after the triangles
 
   const storage::BudgetReservation crossings_claim;
   /// Hits that workers have not handed over yet, the same number for each; none where rays have no lists.

@@ -67,18 +67,17 @@ Status run(BuildOptions& options) {
 
 Verb add_build(CLI::App& app) {
   const auto options = std::make_shared<BuildOptions>();
-  CLI::App* verb = app.add_subcommand("build", "Make a scene store from glTF, PLY, OBJ and STL files");
+  CLI::App* verb = app.add_subcommand("build", "Make a scene store from glTF, PLY, OBJ, STL and OpenVDB files");
   verb->footer(
-      "\nReads glTF 2.0 (.gltf and .glb; Draco and meshopt too), PLY, OBJ and STL (in words and in binary), told apart "
-      "by\n"
-      "their first bytes. Meshes that many nodes use are stored once (--instances), others in world space; faces of "
-      "many\n"
-      "corners are cut into triangles. The store is\n"
+      "\nReads glTF 2.0 (.gltf and .glb; Draco and meshopt too), PLY, OBJ, STL (in words and in binary) and OpenVDB\n"
+      "(fog volumes and level sets of float32), told apart by their first bytes. Meshes that many nodes use are "
+      "stored\n"
+      "once (--instances), others in world space; faces of many corners are cut into triangles. The store is\n"
       "written under a temporary name and renamed when whole. The same scenes give the same bytes.\n\n"
       "  raymill build city.gltf -o city.mill --memory 1G\n"
       "  raymill build --manifest tiles.txt -o country.mill --stats build.json");
   verb->add_option("SCENE", options->config.scenes,
-                   ".gltf, .glb, .ply, .obj or .stl files; geometry ids number on from file to file")
+                   ".gltf, .glb, .ply, .obj, .stl or .vdb files; geometry ids number on from file to file")
       ->type_name("");
   verb->add_option("--manifest", options->manifest,
                    "A text file that lists more scenes, one a line, relative to its folder; empty lines and lines that "
@@ -105,6 +104,20 @@ Verb add_build(CLI::App& app) {
           "Which meshes are stored once and placed: auto (where that takes at most half the bytes), always, never")
       ->type_name("RULE")
       ->capture_default_str();
+  verb->add_option(
+          "--volume-transform", options->config.volume_transforms,
+          "Where a .vdb scene stands: 12 or 16 numbers with commas, the rows of an affine matrix, or identity. "
+          "Once for each .vdb, in their order")
+      ->type_name("ROWS")
+      ->allow_extra_args(false);
+  verb->add_option("--volume-values", options->config.volume_values,
+                   "How voxels are kept: float32 (as they are) or lattice:STEP (multiples of STEP rounded down to a "
+                   "power of two, in 8 or 16 bits)")
+      ->type_name("KIND")
+      ->capture_default_str();
+  verb->add_option("--grid", options->config.volume_grids, "Take only the grids of this name; may be given again")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
   verb->add_option("--threads", options->config.threads, "Threads; 0: one for each core")
       ->type_name("N")
       ->capture_default_str();

@@ -45,10 +45,16 @@ Status verify_store(const LookOptions& options) {
                        {"ok", true},
                        {"pages", report.pages},
                        {"bytes", report.bytes},
-                       {"triangles", report.triangles}});
+                       {"triangles", report.triangles},
+                       {"volumes", report.volumes},
+                       {"bricks", report.bricks}});
   }
   return print(options.store + ": whole, " + std::to_string(report.pages) + " pages, " +
-               std::to_string(report.triangles) + " triangles, " + storage::format_bytes(report.bytes) + "\n");
+               std::to_string(report.triangles) + " triangles, " +
+               (report.volumes > 0
+                    ? std::to_string(report.volumes) + " volumes of " + std::to_string(report.bricks) + " bricks, "
+                    : "") +
+               storage::format_bytes(report.bytes) + "\n");
 }
 
 Status inspect(const LookOptions& options) {

@@ -134,7 +134,7 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
 void QueryOptions::add_to(CLI::App& app) {
   add_parsed(app, "--query", config.query, parse_query,
              "closest: the nearest hit (default). any: whether there is one. count: how many crossings a ray has. all: "
-             "every crossing, in order",
+             "every crossing, in order. transmittance: what the store's fog lets pass between tnear and tfar",
              "QUERY");
   add_parsed(
       app, "--mode", config.mode, parse_mode,
@@ -144,7 +144,7 @@ void QueryOptions::add_to(CLI::App& app) {
   add_parsed(app, "--fields", fields_, parse_fields,
              "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all. "
              "Default: t,uv,primitive_id,geometry_id; for --query any: t; for --query "
-             "count: count",
+             "count: count; for --query transmittance: transmittance",
              "LIST");
 }
 
@@ -153,7 +153,46 @@ void QueryOptions::add_lists_to(CLI::App& app) {
              "With --query all: of each ray at most so many hits, the nearest", "K");
 }
 
+void QueryOptions::add_volumes_to(CLI::App& app) {
+  add_parsed(
+      app, "--volume-method", config.volume.method,
+      [this](const std::string& text) {
+        method_given_ = true;
+        return parse_volume_method(text);
+      },
+      "With --query transmittance: exact (the integral of the trilinear field; default), march (equal steps; default "
+      "with "
+      "--step) or ratio (a random estimate, right on the average)",
+      "NAME");
+  app.add_option("--step", config.volume.step, "Of march: the longest step, in scene units")->type_name("LENGTH");
+  app.add_option("--density-scale", config.volume.density_scale, "Extinction in 1 / scene unit where a voxel holds 1")
+      ->type_name("X")
+      ->capture_default_str();
+  app.add_option("--seed", config.volume.seed, "Of ratio: the answer depends on it and on the ray itself")
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--majorant", config.volume.majorant,
+                 "Of ratio: how many times the least majorant of a brick; more samples, less noise")
+      ->type_name("X")
+      ->capture_default_str();
+}
+
 Status QueryOptions::resolve() {
+  const VolumeConfig plain;
+  VolumeConfig& volume = config.volume;
+  const bool of_volumes = method_given_ || volume.step != plain.step || volume.seed != plain.seed ||
+                          volume.majorant != plain.majorant || volume.density_scale != plain.density_scale;
+  if (of_volumes && config.query != Query::transmittance) {
+    return {ErrorCode::invalid_argument,
+            "--volume-method, --step, --density-scale, --seed and --majorant are for --query transmittance"};
+  }
+  if (!method_given_ && volume.step != 0) {
+    volume.method = VolumeMethod::march;
+  }
+  if ((volume.step != 0 && volume.method != VolumeMethod::march) ||
+      ((volume.seed != plain.seed || volume.majorant != plain.majorant) && volume.method != VolumeMethod::ratio)) {
+    return {ErrorCode::invalid_argument, "--step is for --volume-method march, --seed and --majorant for ratio"};
+  }
   if (config.first != 0 && config.query != Query::all) {
     return {ErrorCode::invalid_argument, "--first is for --query all; closest gives the first hit"};
   }
@@ -161,6 +200,10 @@ Status QueryOptions::resolve() {
   if (fields_ != Field::none && fields_ != config.fields) {
     return {ErrorCode::invalid_argument, "--query " + std::string(to_string(config.query)) + " answers only " +
                                              to_string(config.fields) + "; leave --fields out"};
+  }
+  if (has(config.fields, Field::transmittance) && config.query != Query::transmittance) {
+    return {ErrorCode::invalid_argument,
+            "the field transmittance is answered by --query transmittance; leave it out of --fields"};
   }
   if (has(config.fields, Field::count) && config.query != Query::count) {
     return {ErrorCode::invalid_argument, "the field count is answered by --query count; leave it out of --fields"};

@@ -77,11 +77,14 @@ struct QueryOptions {
   void add_to(CLI::App& app);
   /// Of what only trace answers.
   void add_lists_to(CLI::App& app);
+  /// Of how it answers transmittance.
+  void add_volumes_to(CLI::App& app);
   /// Fills in what was left out and refuses what does not go together.
   Status resolve();
 
  private:
   Field fields_ = Field::none;
+  bool method_given_ = false;
 };
 
 void add_io_option(CLI::App& app, std::string& io);

@@ -35,6 +35,15 @@ std::string point(const std::array<float, 3>& p) {
   return text;
 }
 
+std::string volume_text(const json& volume) {
+  if (!volume.is_object()) {
+    return "";
+  }
+  return volume.value("kind", "") + " '" + volume.value("grid", "") + "', geometry " +
+         std::to_string(volume.value("geometry_id", 0U)) + ", " +
+         std::to_string(volume.value("active_voxels", std::uint64_t{0})) + " active voxels";
+}
+
 }  // namespace
 
 json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memory_bytes, unsigned threads) {
@@ -116,6 +125,9 @@ json info_json(const StoreInfo& info) {
   for (const char* key : {"import", "geometries", "cameras"}) {
     object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
   }
+  if (metadata.is_object() && metadata.contains("volumes")) {
+    object["volumes"] = metadata["volumes"];
+  }
   return object;
 }
 
@@ -142,6 +154,11 @@ std::string info_text(const StoreInfo& info) {
                           formatted(" (%.2f B a triangle)", static_cast<double>(info.decoded_bytes) / triangles)) +
       line("least memory", format_bytes(info.least_memory_bytes));
   const json metadata = parsed(info.metadata_json);
+  if (metadata.is_object() && metadata.contains("volumes")) {
+    for (const json& volume : metadata["volumes"]) {
+      text += line("volume", volume_text(volume));
+    }
+  }
   if (metadata.is_object() && metadata.contains("cameras")) {
     for (const json& camera : metadata["cameras"]) {
       text += line("camera", camera.is_object() ? camera.value("name", "") : "");
@@ -167,6 +184,8 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"store_bytes", report.store_bytes},
       {"decoded_bytes", report.decoded_bytes},
       {"levels", report.levels},
+      {"volumes", report.volumes},
+      {"bricks", report.bricks},
       {"sah_cost", report.sah_cost},
       {"max_displacement", report.max_displacement},
       {"seconds",
@@ -193,6 +212,9 @@ std::string build_text(const BuildReport& report, const std::string& output) {
                      (report.temporary_bytes > 0 ? ", " + format_bytes(report.temporary_bytes) + " on disk for a while"
                                                  : std::string()) +
                      "\n";
+  if (report.volumes > 0) {
+    text += std::to_string(report.volumes) + " volumes of " + std::to_string(report.bricks) + " bricks\n";
+  }
   if (report.max_displacement > 0) {
     text += formatted("largest displacement of a vertex: %g scene units\n", report.max_displacement);
   }

@@ -37,16 +37,21 @@ struct TraceOptions {
 nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, const RayColumns& columns,
                       const StoreInfo& store) {
   const auto& masks = options.query.config.geometry_masks;
-  return {{"rays", options.rays},
-          {"rays_file", reader.identity()},
-          {"ray_count", reader.count()},
-          {"columns", columns.identity()},
-          {"mask", options.query.config.mask},
-          {"geometry_masks", masks ? storage::checksum(std::as_bytes(std::span(*masks))) : 0},
-          {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
-          {"query", to_string(options.query.config.query)},
-          {"mode", to_string(options.query.config.mode)},
-          {"fields", static_cast<unsigned>(options.query.config.fields)}};
+  const VolumeConfig& volume = options.query.config.volume;
+  nlohmann::json run = {{"rays", options.rays},
+                        {"rays_file", reader.identity()},
+                        {"ray_count", reader.count()},
+                        {"columns", columns.identity()},
+                        {"mask", options.query.config.mask},
+                        {"geometry_masks", masks ? storage::checksum(std::as_bytes(std::span(*masks))) : 0},
+                        {"store", {store.name, store.triangles, store.nodes, store.store_bytes, store.decoded_bytes}},
+                        {"query", to_string(options.query.config.query)},
+                        {"mode", to_string(options.query.config.mode)},
+                        {"fields", static_cast<unsigned>(options.query.config.fields)}};
+  if (options.query.config.query == Query::transmittance) {
+    run["volume"] = {to_string(volume.method), volume.step, volume.density_scale, volume.seed, volume.majorant};
+  }
+  return run;
 }
 
 // Where the answers go: a file of rows, a row a ray, or files of lists.
@@ -188,7 +193,9 @@ Verb add_trace(CLI::App& app) {
       "are rounded to the nearest float32, tnear up and tfar down, so that a hit lies in the interval of the file.\n"
       "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
       "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any size.\n"
-      "--query count: a plain .npy of N uint32; 4294967295 for an invalid ray. --query all: HITS.npy holds the hits "
+      "--query count: a plain .npy of N uint32; 4294967295 for an invalid ray. --query transmittance: one of N "
+      "float32; NaN\n"
+      "for an invalid ray. --query all: HITS.npy holds the hits "
       "of\n"
       "all rays, by t within a ray, and HITS.offsets.npy (N + 1 uint64) says where those of each begin and end.\n\n"
       "  raymill trace city.mill rays.npy -o hits.npy --memory 512M --stats run.json");
@@ -201,6 +208,7 @@ Verb add_trace(CLI::App& app) {
   add_columns(*verb, *options);
   options->query.add_to(*verb);
   options->query.add_lists_to(*verb);
+  options->query.add_volumes_to(*verb);
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);
   add_json_flag(*verb, options->json);

@@ -80,11 +80,11 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/package/RaymillConfigVers
 install(FILES ${PROJECT_BINARY_DIR}/package/RaymillConfig.cmake ${PROJECT_BINARY_DIR}/package/RaymillConfigVersion.cmake
         DESTINATION ${raymill_package_directory})
 
-# The programs. raymill starts raymill-image to write pictures.
+# The programs. raymill starts raymill-image to write pictures and raymill-vdb to read OpenVDB files.
 if(TARGET raymill)
   install(TARGETS raymill RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
-foreach(image_program IN ITEMS raymill-image raymill_image)
+foreach(image_program IN ITEMS raymill-image raymill_image raymill-vdb)
   if(TARGET ${image_program})
     install(TARGETS ${image_program} RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/raymill)
   endif()

@@ -31,6 +31,8 @@ std::string_view to_string(ImportCode code) {
       return "left_out_small_faces";
     case ImportCode::left_out_curves:
       return "left_out_curves";
+    case ImportCode::left_out_grids:
+      return "left_out_grids";
     case ImportCode::draco_primitives:
       return "draco_primitives";
     case ImportCode::sparse_accessors:

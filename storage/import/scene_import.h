@@ -18,6 +18,7 @@
 #include "storage/base/placement.h"
 #include "storage/base/status.h"
 #include "storage/base/vec3.h"
+#include "storage/base/volume.h"
 
 namespace raymill::storage {
 
@@ -36,6 +37,7 @@ enum class ImportCode : std::uint16_t {
   leftover_vertices = 206,      ///< vertices or indices past the last whole triangle
   left_out_small_faces = 207,   ///< faces of fewer than three corners
   left_out_curves = 208,        ///< free-form curves and surfaces of an OBJ
+  left_out_grids = 209,         ///< grids of an OpenVDB file that cannot be traced
   draco_primitives = 300,
   sparse_accessors = 301,
   quantized_positions = 302,
@@ -73,11 +75,23 @@ struct CameraInfo {
   double world_from_camera[16] = {};  ///< column-major; the camera looks along -z
 };
 
+/// A grid of an OpenVDB file.
+struct VolumeInfo {
+  std::uint32_t geometry_id = 0;
+  std::string file;
+  std::string grid;
+  std::string kind;
+  std::uint64_t active_voxels = 0;
+  Index3 origin{};  ///< of its cells, in its index space
+  Index3 cells{};
+};
+
 struct ImportReport {
   std::map<ImportCode, std::uint64_t> counts;
   std::vector<GeometryInfo> geometries;  ///< rising by id
   std::uint64_t geometry_count = 0;      ///< every id is below it
   std::vector<CameraInfo> cameras;
+  std::vector<VolumeInfo> volumes;
   std::vector<std::string> ignored_extensions;  ///< sorted, each once
   std::uint64_t instances = 0;                  ///< placements of objects; the next one's id
   std::uint64_t triangles = 0;                  ///< in the input, of every placement

@@ -15,6 +15,7 @@
 #include "storage/import/scene_import.h"
 #include "storage/import/transform.h"
 #include "storage/import/triangle_filter.h"
+#include "storage/import/vdb_import.h"
 #include "storage/io/store_builder.h"
 
 namespace raymill {
@@ -36,6 +37,11 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<StoreBuilder> builder, StoreBuilder::create(config));
   for (std::size_t i = 0; i < config.scenes.size(); ++i) {
     builder->set_import_fraction(double(i) / double(config.scenes.size()));
+    RAYMILL_ASSIGN_OR_RETURN(const bool holds_volumes, is_vdb(config.scenes[i]));
+    if (holds_volumes) {
+      RAYMILL_RETURN_IF_ERROR(builder->add_volumes(config.scenes[i]));
+      continue;
+    }
     RAYMILL_RETURN_IF_ERROR(import_scene(config.scenes[i],
                                          {config.scene_index, builder->instance_rule(), builder.get()},
                                          builder->ledger(), *builder, builder->import_report()));

@@ -18,7 +18,7 @@
 namespace raymill {
 
 struct BuildConfig {
-  std::vector<std::string> scenes = {};  ///< glTF, GLB, PLY, OBJ or STL; geometry ids number on from file to file
+  std::vector<std::string> scenes = {};  ///< glTF, GLB, PLY, OBJ, STL or VDB; geometry ids number on from file to file
   std::string output = {};               ///< NAME.mill; written to a temporary name beside it and renamed when whole
   std::uint64_t memory = gibibytes(2);   ///< limit of the whole process
   std::optional<std::uint32_t> scene_index = {};
@@ -28,9 +28,13 @@ struct BuildConfig {
   std::uint32_t page_bytes = 64 << 10;  ///< decoded size limit of a page, 16 KiB to 1 MiB
   std::string instances = "auto";  ///< which meshes are stored once and placed: "auto" (where that takes at most half
                                    ///< the bytes), "always", "never"
-  unsigned threads = 0;            ///< 0: one for each core; the bytes of the store do not depend on it
-  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build") and a fraction in
-  /// [0,1]; returns false to stop the build (interrupted).
+  std::vector<std::string> volume_transforms =
+      {};                                      ///< of .vdb scenes in their order, rows of a 3 x 4 matrix, "1,0,..."
+  std::string volume_values = "float32";       ///< or "lattice:STEP": rounded to multiples of a power of two
+  std::vector<std::string> volume_grids = {};  ///< names of the grids to take; none: all
+  unsigned threads = 0;                        ///< 0: one for each core; the bytes of the store do not depend on it
+  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build", "volumes") and a
+  /// fraction in [0,1]; returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress = {};
 };
 
@@ -44,6 +48,8 @@ struct BuildReport {
   std::uint64_t store_bytes = 0;
   std::uint64_t decoded_bytes = 0;
   std::uint32_t levels = 0;
+  std::uint64_t volumes = 0;
+  std::uint64_t bricks = 0;           ///< of all volumes
   double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
   double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
   std::uint64_t runs = 0;             ///< parts of the scene that were built one by one
@@ -114,6 +120,8 @@ struct VerifyReport {
   std::uint64_t bytes = 0;
   std::uint64_t triangles = 0;
   std::uint64_t instances = 0;
+  std::uint64_t volumes = 0;
+  std::uint64_t bricks = 0;
 };
 /// Reads a whole store and checks every checksum, every structure rule and that every box holds its triangles.
 Result<VerifyReport> verify(const std::string& path);

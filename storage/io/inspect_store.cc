@@ -6,6 +6,7 @@
 #include "storage/base/aligned.h"
 #include "storage/io/build_store.h"
 #include "storage/io/store_file.h"
+#include "storage/io/volume_table.h"
 #include "storage/pages/codec.h"
 #include "storage/pages/page_assembler.h"
 #include "storage/pages/page_image.h"
@@ -98,6 +99,59 @@ nlohmann::ordered_json page_json(const PageView& view) {
   return json;
 }
 
+nlohmann::ordered_json volume_json(const Volume& volume) {
+  return {{"geometry_id", volume.geometry_id},
+          {"kind", volume.kind == VolumeKind::level_set ? "level set" : "fog volume"},
+          {"origin", volume.origin},
+          {"cells", volume.cells},
+          {"levels", volume.levels},
+          {"root", {{"page", volume.root_page}, {"node", volume.root_node}}},
+          {"values", volume.lattice != 0 ? "lattice" : "float32"},
+          {"step", step_of(volume)},
+          {"min", volume.lower},
+          {"max", volume.upper},
+          {"background", volume.background},
+          {"bricks", volume.brick_count},
+          {"active_voxels", volume.active_voxels},
+          {"world_from_index", volume.world_from_index}};
+}
+
+nlohmann::ordered_json volume_node_json(const VolumeNode& node) {
+  auto children = nlohmann::ordered_json::array();
+  for (std::size_t slot = 0; slot < kNodeChildren; ++slot) {
+    nlohmann::ordered_json child{{"slot", slot}, {"min", node.lower[slot]}, {"max", node.upper[slot]}};
+    if (node.kind[slot] != ChildKind::tile) {
+      child["page"] = node.page[slot];
+      child[node.kind[slot] == ChildKind::brick ? "brick" : "node"] = node.item[slot];
+    }
+    children.push_back(std::move(child));
+  }
+  return {{"level", node.level}, {"origin", node.origin}, {"children", std::move(children)}};
+}
+
+nlohmann::ordered_json volume_page_json(const VolumePageView& view) {
+  const VolumePageHeader& header = view.header();
+  nlohmann::ordered_json json{{"kind", header.kind == VolumePageKind::table ? "table of volumes" : "bricks"}};
+  if (header.kind == VolumePageKind::table) {
+    for (std::uint32_t i = 0; i < header.volume_count; ++i) {
+      json["volumes"].push_back(volume_json(view.volumes()[i]));
+    }
+    return json;
+  }
+  json["volume"] = header.volume;
+  json["nodes"] = nlohmann::ordered_json::array();
+  for (std::uint32_t i = 0; i < header.node_count; ++i) {
+    json["nodes"].push_back(volume_node_json(view.nodes()[i]));
+  }
+  json["bricks"] = nlohmann::ordered_json::array();
+  for (std::uint32_t i = 0; i < header.brick_count; ++i) {
+    const Brick& brick = view.bricks()[i];
+    json["bricks"].push_back(
+        {{"origin", brick.origin}, {"value_bytes", brick.value_bytes}, {"min", brick.lower}, {"max", brick.upper}});
+  }
+  return json;
+}
+
 }  // namespace
 
 Result<VerifyReport> verify(const std::string& path) {
@@ -110,7 +164,9 @@ Result<VerifyReport> verify(const std::string& path) {
   DirectBuffer buffer(store->read_buffer_bytes());
   PageBuffer frame(store->header().page_bytes);
   PageDecoder decoder(store->rules(), store->positions(), store->codec());
+  RAYMILL_ASSIGN_OR_RETURN(const std::vector<Volume> volumes, read_volumes(*store));
   VerifyReport report;
+  report.volumes = volumes.size();
   std::uint64_t decoded_bytes = 0;
   for (std::uint32_t i = 0; i < store->page_count(); ++i) {
     const PageId page{i};
@@ -120,20 +176,30 @@ Result<VerifyReport> verify(const std::string& path) {
     if (!size) {
       return store->page_fault(page, size.status());
     }
-    if (const Status boxes = check_boxes(frame.data()); !boxes.ok()) {
-      return store->page_fault(page, boxes);
+    const bool holds_volume = VolumePageView::is_volume_page(frame.data());
+    const Status bounds = holds_volume ? check_bounds(frame.data(), volumes) : check_boxes(frame.data());
+    if (!bounds.ok()) {
+      return store->page_fault(page, bounds);
     }
     if (*size != store->entry(page).decoded_bytes) {
       return store->page_fault(page, {ErrorCode::corrupt, "decodes to another size than the directory says"});
     }
-    report.triangles += PageView(frame.data()).header().triangle_count;
-    report.instances += PageView(frame.data()).header().instance_count;
+    if (holds_volume) {
+      report.bricks += VolumePageView(frame.data()).header().brick_count;
+    } else {
+      report.triangles += PageView(frame.data()).header().triangle_count;
+      report.instances += PageView(frame.data()).header().instance_count;
+    }
     report.bytes += encoded.size();
     decoded_bytes += *size;
     ++report.pages;
   }
-  if (report.triangles != store->footer().triangle_count || report.instances != store->footer().instance_count ||
-      decoded_bytes != store->footer().decoded_bytes) {
+  std::uint64_t bricks = 0;
+  for (const Volume& volume : volumes) {
+    bricks += volume.brick_count;
+  }
+  if (report.triangles != store->footer().triangle_count || report.bricks != bricks ||
+      report.instances != store->footer().instance_count || decoded_bytes != store->footer().decoded_bytes) {
     return {ErrorCode::corrupt, path + ": has pages that do not add up to what the footer says; rebuild it"};
   }
   return report;
@@ -167,6 +233,8 @@ Result<std::string> inspect_page(const std::string& path, std::uint32_t page_ind
       PageDecoder(store->rules(), store->positions(), store->codec()).decode(encoded, frame);
   if (!size) {
     json["fault"] = size.status().message();
+  } else if (VolumePageView::is_volume_page(frame.data())) {
+    json.update(volume_page_json(VolumePageView(frame.data())));
   } else {
     json.update(page_json(PageView(frame.data())));
   }

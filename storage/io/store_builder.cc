@@ -61,6 +61,10 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
   } else if (config.instances != "auto") {
     return {ErrorCode::invalid_argument, "--instances " + config.instances + " is none of auto, always and never"};
   }
+  RAYMILL_ASSIGN_OR_RETURN(plan.volume_step, parse_volume_values(config.volume_values));
+  for (const std::string& transform : config.volume_transforms) {
+    RAYMILL_RETURN_IF_ERROR(parse_volume_transform(transform).status());
+  }
   plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   return plan;
 }
@@ -81,7 +85,8 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       ledger_(config.memory),
       blocks_(ledger_, temporary_folder(probe_)),
       spool_(blocks_, plan_.threads > 1),
-      instances_(blocks_) {}
+      instances_(blocks_),
+      volumes_({config.page_bytes, config.width, plan_.codec, plan_.volume_step, config.volume_grids}) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
@@ -129,6 +134,14 @@ Result<InstanceSink::Object> StoreBuilder::end_object() {
 Status StoreBuilder::place(const Placed& placed) {
   ++objects_[placed.object].placed;
   return instances_.add(placed);
+}
+
+Status StoreBuilder::add_volumes(const std::string& path) {
+  const std::size_t file = volume_files_++;
+  const bool given = file < config_.volume_transforms.size();
+  RAYMILL_ASSIGN_OR_RETURN(const Affine transform,
+                           parse_volume_transform(given ? config_.volume_transforms[file] : "identity"));
+  return volumes_.add(path, transform, import_report_);
 }
 
 Status StoreBuilder::needs(std::uint64_t triangles, std::uint64_t bytes) const {
@@ -220,6 +233,9 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
   if (instances_.count() > 0) {
     header.features |= static_cast<std::uint64_t>(Feature::instances);
   }
+  if (!volumes_.empty()) {
+    header.features |= static_cast<std::uint64_t>(Feature::volumes);
+  }
   header.page_bytes = config_.page_bytes;
   header.width = static_cast<std::uint8_t>(config_.width);
   header.codec = static_cast<std::uint8_t>(plan_.codec);
@@ -236,7 +252,7 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.import_json = to_json(import_report_);
   report_.max_displacement = lattice.max_displacement();
   report_.partition_seconds = seconds_since(partition_start);
-  if (parts.runs.empty()) {
+  if (parts.runs.empty() && volumes_.empty()) {
     return {ErrorCode::bad_scene,
             (config_.scenes.empty() ? config_.output : config_.scenes.front()) +
                 ": holds no triangle that can be hit, so there is nothing to build; see the import report for what was "
@@ -245,20 +261,46 @@ Result<BuildReport> StoreBuilder::finish() {
   }
   const auto build_start = Clock::now();
   RAYMILL_RETURN_IF_ERROR(step("build", 0));
+  if (parts.runs.empty()) {
+    return finish_without_triangles(lattice, build_start);
+  }
   RAYMILL_ASSIGN_OR_RETURN(const unsigned level, object_level(parts));
   RAYMILL_ASSIGN_OR_RETURN(StoreFileWriter writer, StoreFileWriter::create(config_.output, header(lattice)));
   StoreFooter footer;
   footer.geometry_count = import_report_.geometry_count;
   RAYMILL_RETURN_IF_ERROR(write_trees(parts, level, {lattice.active(), lattice.step_exponent()}, writer, footer));
-  report_.decoded_bytes = writer.decoded_bytes();
-  report_.pages = writer.page_count();
-  RAYMILL_RETURN_IF_ERROR(writer.finish(footer, metadata_json(import_report_)));
   report_.triangles = footer.triangle_count;
   report_.instances = footer.instance_count;
   report_.objects = footer.object_count;
   report_.nodes = footer.node_count;
   report_.levels = footer.levels;
   report_.runs = parts.runs.size();
+  return finish_file(writer, footer, build_start);
+}
+
+// A scene of volumes alone.
+Result<BuildReport> StoreBuilder::finish_without_triangles(const Lattice& lattice, Clock::time_point build_start) {
+  RAYMILL_ASSIGN_OR_RETURN(StoreFileWriter writer, StoreFileWriter::create(config_.output, header(lattice)));
+  StoreFooter footer;
+  footer.geometry_count = import_report_.geometry_count;
+  RAYMILL_RETURN_IF_ERROR(volumes_.write_empty_root(writer, footer));
+  report_.nodes = footer.node_count;
+  report_.levels = footer.levels;
+  return finish_file(writer, footer, build_start);
+}
+
+// The volumes' pages, and what stands behind all pages.
+Result<BuildReport> StoreBuilder::finish_file(StoreFileWriter& writer, StoreFooter& footer,
+                                              Clock::time_point build_start) {
+  if (!volumes_.empty()) {
+    RAYMILL_RETURN_IF_ERROR(
+        volumes_.write(writer, footer, ledger_, [this](double fraction) { return step("volumes", fraction); }));
+    report_.volumes = import_report_.volumes.size();
+    report_.bricks = volumes_.bricks();
+  }
+  report_.decoded_bytes = writer.decoded_bytes();
+  report_.pages = writer.page_count();
+  RAYMILL_RETURN_IF_ERROR(writer.finish(footer, metadata_json(import_report_)));
   report_.store_bytes = writer.written_bytes();
   report_.temporary_bytes = blocks_.file_bytes();
   report_.temporary_folder = blocks_.folder();

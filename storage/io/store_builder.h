@@ -31,6 +31,7 @@
 #include "storage/io/build_store.h"
 #include "storage/io/run_pipeline.h"
 #include "storage/io/store_file_writer.h"
+#include "storage/io/volume_build.h"
 #include "storage/pages/codec.h"
 
 namespace raymill::storage {
@@ -54,6 +55,8 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   Status begin_object() override;
   Result<Object> end_object() override;
   Status place(const Placed& placed) override;
+  /// Adds the grids of an OpenVDB file. Errors: those of VolumeBuild::add(), invalid_argument (the transform).
+  Status add_volumes(const std::string& path);
   /// Builds and writes the store. Errors: bad_scene (nothing to hit), budget_exceeded, unsupported, disk_full, io,
   /// interrupted, internal.
   Result<BuildReport> finish();
@@ -63,6 +66,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
     Codec codec = Codec::zstd;
     PositionsRequest positions;
     InstanceRule instances = InstanceRule::automatic;
+    std::optional<std::int32_t> volume_step{};
     unsigned threads = 1;
   };
   using Clock = std::chrono::steady_clock;
@@ -85,6 +89,8 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   Result<Partition> partition(TriangleBucket all, std::uint64_t run_triangles, Lattice& lattice);
   void count_dropped(const Partition& parts, std::uint64_t placements);
   Result<TriangleBucket> stand_ins();
+  Result<BuildReport> finish_without_triangles(const Lattice& lattice, Clock::time_point build_start);
+  Result<BuildReport> finish_file(StoreFileWriter& writer, StoreFooter& footer, Clock::time_point build_start);
   [[nodiscard]] Status needs(std::uint64_t triangles, std::uint64_t bytes) const;
 
   // In store_builder_trees.cc:
@@ -112,6 +118,8 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   std::uint64_t in_trees_ = 0;  // triangles and instances of trees that are written
   std::uint64_t in_all_ = 0;    // of all
   ImportReport import_report_;
+  VolumeBuild volumes_;
+  std::size_t volume_files_ = 0;
   BuildReport report_;
   double import_fraction_ = 0;
   Clock::time_point start_ = Clock::now();

@@ -41,6 +41,9 @@ class StoreFile {
   [[nodiscard]] const PageEntry& entry(PageId page) const { return directory_[index_of(page)]; }
   [[nodiscard]] Codec codec() const { return static_cast<Codec>(header_.codec); }
   [[nodiscard]] PageRules rules() const;
+  [[nodiscard]] bool has_volumes() const {
+    return (header_.features & static_cast<std::uint64_t>(Feature::volumes)) != 0;
+  }
   [[nodiscard]] PositionKind positions() const;
   /// "float32" or "lattice:STEP".
   [[nodiscard]] std::string positions_text() const;

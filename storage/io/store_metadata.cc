@@ -31,6 +31,15 @@ std::string metadata_json(const ImportReport& report) {
                                {"ymag", camera.ymag},
                                {"world_from_camera", camera.world_from_camera}});
   }
+  for (const VolumeInfo& volume : report.volumes) {
+    json["volumes"].push_back({{"geometry_id", volume.geometry_id},
+                               {"file", volume.file},
+                               {"grid", volume.grid},
+                               {"kind", volume.kind},
+                               {"active_voxels", volume.active_voxels},
+                               {"origin", volume.origin},
+                               {"cells", volume.cells}});
+  }
   json["import"] = nlohmann::ordered_json::parse(to_json(report));
   // Names come from the scene file and may not be UTF-8.
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);

@@ -9,6 +9,7 @@
 
 #include "storage/pages/draco_geometry.h"
 #include "storage/pages/page_streams.h"
+#include "storage/pages/volume_codec.h"
 
 namespace raymill::storage {
 namespace {
@@ -86,6 +87,9 @@ struct PageDecoder::Scratch {
   // The decompressed streams, or empty where the bytes do not give exactly `expected`.
   std::optional<std::span<const std::byte>> decompress(std::span<const std::byte> bytes, Codec codec,
                                                        std::size_t expected) {
+    if (expected > streams.size()) {
+      return std::nullopt;
+    }
     if (codec == Codec::lz4) {
       const int size =
           LZ4_decompress_safe(reinterpret_cast<const char*>(bytes.data()), reinterpret_cast<char*>(streams.data()),
@@ -139,6 +143,12 @@ Result<std::uint32_t> PageDecoder::decode(std::span<const std::byte> encoded, st
     return corrupt("is shorter than its header");
   }
   std::memcpy(&header, encoded.data(), sizeof header);
+  if (header.page_type == kPageTypeVolume && rules_.volumes) {
+    return decode_volume_page(encoded, frame, {rules_.page_bytes, rules_.page_count, rules_.geometry_count},
+                              [this](std::span<const std::byte> bytes, Codec codec, std::size_t expected) {
+                                return scratch_->decompress(bytes, codec, expected);
+                              });
+  }
   const std::span<const std::byte> payload = encoded.subspan(sizeof header);
   RAYMILL_RETURN_IF_ERROR(check_header(header, rules_));
   const PageHeader image_header = page_header(header);

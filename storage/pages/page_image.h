@@ -162,6 +162,7 @@ struct PageRules {
   std::uint32_t page_bytes = 0;
   std::uint32_t page_count = 0;
   std::uint64_t geometry_count = 0;
+  bool volumes = false;  ///< there are pages of volumes too
 };
 
 /// Checks every index, count and offset of an image, so that traversal may follow them blindly inside the page. What

@@ -66,9 +66,9 @@ Status check(const StoreFooter& footer, const StoreHeader& header, std::uint64_t
   }
   if (footer.header_checksum != header.checksum || footer.file_bytes != file_bytes || !sections_meet || !finite ||
       footer.levels == 0 || footer.levels > max_levels(header.width) || footer.root_page >= footer.page_count ||
-      footer.root_node >= kNoParent || footer.max_encoded_bytes > 4 * header.page_bytes ||
-      footer.metadata_plain_bytes > kMostMetadataBytes || footer.object_level >= footer.levels ||
-      (footer.object_level != 0) != has(header.features, Feature::instances)) {
+      footer.root_node >= kNoParent || footer.volume_page >= footer.page_count ||
+      footer.max_encoded_bytes > 4 * header.page_bytes || footer.metadata_plain_bytes > kMostMetadataBytes ||
+      footer.object_level >= footer.levels || (footer.object_level != 0) != has(header.features, Feature::instances)) {
     return {ErrorCode::corrupt, "has a footer that does not fit the file; copy or build it again"};
   }
   return {};

@@ -26,8 +26,9 @@ enum class Feature : std::uint64_t {
   geometry_ids = 2,  ///< more than one geometry: hits tell them apart
   lattice = 4,       ///< positions are multiples of the header's step
   instances = 8,     ///< objects are placed any number of times
+  volumes = 32,      ///< the footer names a table of volumes
 };
-constexpr std::uint64_t kKnownFeatures = 15;
+constexpr std::uint64_t kKnownFeatures = 15 | 32;
 constexpr bool has(std::uint64_t features, Feature feature) {
   return (features & static_cast<std::uint64_t>(feature)) != 0;
 }
@@ -80,8 +81,9 @@ struct StoreFooter {
   std::uint64_t instance_count = 0;
   std::uint32_t object_count = 0;
   std::uint32_t object_level = 0;  ///< of their roots; 0 where there are none
-  std::array<std::uint8_t, 8> unused{};
-  std::uint64_t checksum = 0;  ///< of the bytes before it
+  std::array<std::uint8_t, 4> unused{};
+  std::uint32_t volume_page = 0;  ///< of the table of volumes, where the store has that feature; else 0
+  std::uint64_t checksum = 0;     ///< of the bytes before it
   std::array<char, 8> magic = kFooterMagic;
 };
 static_assert(sizeof(StoreFooter) == 184 && std::is_trivially_copyable_v<StoreFooter>);

@@ -37,6 +37,7 @@ void run_rays(const std::byte* image, const PageRules& rules) {
         ray.dir = {0.01F, -0.0F, 1};
         ray.tfar = std::numeric_limits<float>::max();
         traversal::KernelContext context{images, touched, true, {}, false};
+        context.object_level = rules.object_level;
         traversal::find_kernel(isa, {query, mode, rules.width})(context, {&ray, 1});
         // The one page is there, so nothing is left to wait for.
         if (!ray.done) {
@@ -54,7 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   const std::uint8_t choice = data[0];
-  const PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, kPageBytes, 1, 3};
+  const PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, (choice & 8) != 0 ? 2u : 0u, kPageBytes, 1, 3};
   const PositionKind positions{(choice & 2) != 0, -12};
   const auto bytes = std::as_bytes(std::span(data, size)).subspan(1);
   if ((choice & 4) != 0) {

@@ -147,7 +147,8 @@ void dump_footer(Dump& dump) {
   dump.field(12, "bounds_min");
   dump.field(12, "bounds_max");
   dump.field(8, "file_bytes");
-  dump.field(24, "unused");
+  dump.field(20, "unused");
+  dump.field(4, "volume_page");
   dump.field(8, "checksum of the footer's bytes before it");
   dump.field(8, "magic");
 }

@@ -29,7 +29,7 @@ sys.path.insert(0, str(HERE.parent / "trial"))
 import support  # noqa: E402
 from memory_cgroup import MemoryCgroup  # noqa: E402
 
-KINDS = ["terrain", "city", "forest", "mixed"]
+KINDS = ["terrain", "city", "forest", "mixed", "woods"]
 CODECS = ["raw", "lz4", "zstd", "draco"]
 PAGES = ["16K", "32K", "64K", "128K", "256K", "1M"]
 RAY_KINDS = ["primary", "ao", "bounce", "random", "shadow"]
@@ -74,7 +74,9 @@ class Lot:
                      for _ in range(3 if short else 5)]
 
     def scene(self):
-        return [self.scene_kind, "--triangles", str(self.triangles), "--seed", str(self.scene_seed)]
+        # Woods are of instances: as many triangles as that in a few hundred of them.
+        size = [str(100 * self.triangles), "--meshes", "7"] if self.scene_kind == "woods" else [str(self.triangles)]
+        return [self.scene_kind, "--triangles", *size, "--seed", str(self.scene_seed)]
 
 
 class Stress:
