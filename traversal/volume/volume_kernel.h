@@ -29,15 +29,15 @@ inline bool is_among_volumes(const RayState& ray) { return (ray.level & kAmongVo
 
 /// What the kernel reads. Plain data.
 struct VolumeContext {
-  std::span<const storage::Volume> volumes;
+  std::span<const storage::Volume> volumes = {};
   Query query = Query::closest;
-  VolumeConfig config;
+  VolumeConfig config = {};
   bool need_normal = false;
   const HitFilter* filter = nullptr;  ///< none: all hits count
   const std::atomic<const std::byte*>* images = nullptr;
   std::atomic<std::uint8_t>* touched = nullptr;
   bool lone_items = false;  ///< for tests: every ray waits at every item
-  KernelCounters counters;
+  KernelCounters counters = {};
   bool corrupt = false;
 };
 

@@ -78,8 +78,8 @@ TEST(VolumePages, AreValidAndBoundedExactly) {
 TEST(VolumeKernel, ExactTransmittanceIsThatOfADenseSum) {
   const TestVolume fog = wavy_fog(50);
   Resident resident(fog);
-  for (const Ray& ray : rays_through(fog, 100, 1)) {
-    EXPECT_NEAR(resident.run(Query::transmittance, {}, ray).t, std::exp(-dense_depth(fog, ray, 4000)), 2e-6);
+  for (const Ray& ray : rays_through(fog, 40, 1)) {
+    EXPECT_NEAR(resident.run(Query::transmittance, {}, ray).t, std::exp(-dense_depth(fog, ray, 2000)), 1e-5);
   }
 }
 
@@ -132,11 +132,11 @@ TEST(VolumeKernel, LevelSetIsHitWhereTheFieldChangesItsSign) {
   const TestVolume surface = ball(48, {0.5, 0.45, 0.52}, 0.3);
   Resident resident(surface);
   int hits = 0;
-  for (const Ray& ray : rays_through(surface, 200, 5)) {
+  for (const Ray& ray : rays_through(surface, 80, 5)) {
     const Hit hit = resident.run(Query::closest, {}, ray);
     EXPECT_EQ(resident.run(Query::any, {}, ray).t < 1, hit.t < 1e30F);
     const Way way = way_through(surface, ray);
-    constexpr int kSteps = 2000;
+    constexpr int kSteps = 1000;
     const double step = (way.end - way.begin) / kSteps;
     double change = std::numeric_limits<double>::infinity();
     for (int i = 1; i <= kSteps && way.begin < way.end && change > way.end; ++i) {
@@ -156,7 +156,7 @@ TEST(VolumeKernel, LevelSetIsHitWhereTheFieldChangesItsSign) {
     }
     EXPECT_GT(along, 0.98);
   }
-  EXPECT_GT(hits, 50);
+  EXPECT_GT(hits, 15);
 }
 
 TEST(VolumeKernel, WaitingAtEveryItemChangesNoBit) {
@@ -198,8 +198,8 @@ TEST(VolumeStore, AnswersDependNeitherOnMemoryNorOnThreadsNorOnTheSchedule) {
   const auto report = verify(store);
   ASSERT_TRUE(report.ok()) << report.status().message();
   EXPECT_EQ(report->volumes, 2U);
-  std::vector<Ray> rays = rays_through(fog, 1500, 8);
-  const std::vector<Ray> more = rays_through(surface, 1500, 9);
+  std::vector<Ray> rays = rays_through(fog, 300, 8);
+  const std::vector<Ray> more = rays_through(surface, 300, 9);
   rays.insert(rays.end(), more.begin(), more.end());
   rays[3].dir = {0, 0, 0};
   for (const auto& [query, config] :
@@ -219,7 +219,7 @@ TEST(VolumeStore, AnswersDependNeitherOnMemoryNorOnThreadsNorOnTheSchedule) {
     EXPECT_EQ(trace(store, rays, setup).rows, plenty.rows);
     setup.engine.eviction = "demand";
     setup.engine.adversarial = true;
-    EXPECT_EQ(trace(store, std::span(rays).first(300), setup).rows, plenty.rows.substr(0, plenty.rows.size() / 10));
+    EXPECT_EQ(trace(store, std::span(rays).first(30), setup).rows, plenty.rows.substr(0, plenty.rows.size() / 20));
   }
 }
 
