@@ -1,4 +1,4 @@
-"""Runs a command and writes {"rc", "rss_bytes", "seconds"} to REPORT.
+"""Runs a command and writes {"rc", "rss_bytes", "seconds", "user_seconds"} to REPORT.
 
     launch.py REPORT CGROUP|- [NAME=VALUE...] -- COMMAND...
 
@@ -32,6 +32,7 @@ def main():
     _, status, usage = os.wait4(child, 0)
     rc = os.waitstatus_to_exitcode(status)
     told = {"rc": rc, "rss_bytes": usage.ru_maxrss * 1024, "seconds": time.monotonic() - begin,
+            "user_seconds": usage.ru_utime,
             "own_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024}
     with open(report, "w", encoding="ascii") as file:
         json.dump(told, file)

@@ -67,7 +67,7 @@ def more_memory(limit, stderr):
 
 
 class Run:
-    """A finished run: rc, stdout, stderr, seconds, and rss_bytes, the kernel's count of its peak."""
+    """A finished run: rc, stdout, stderr, seconds, user_seconds, and rss_bytes, the kernel's count of its peak."""
 
     def __init__(self, command, timeout=None, cgroup=None, limits=()):
         self.command = [str(word) for word in command]
@@ -78,7 +78,7 @@ class Run:
             told = json.loads(pathlib.Path(report.name).read_text() or "{}")
         self.rc = told.get("rc")
         self.rss_bytes = told.get("rss_bytes", 0)
-        self.seconds = told.get("seconds", 0)
+        self.seconds, self.user_seconds = told.get("seconds", 0), told.get("user_seconds", 0)
 
     def need(self, rc=0):
         if self.rc != rc:

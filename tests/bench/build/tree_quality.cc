@@ -1,6 +1,6 @@
 // raymill-tree-quality: what a builder's choices are worth, counted.
 //
-//   raymill-tree-quality STORE RAYS.npy [--trees LIST] [--most-rays 30000] [--width 8]
+//   raymill-tree-quality STORE RAYS.npy [--trees LIST] [--most-rays 30000] [--widths 4,8]
 //
 // A tree is QUALITY:LEAF:BLOCK:PASSES, e.g. medium:8:4:0, which is what `raymill build` makes of a run: the quality of
 // Embree's builder (low, medium, high with spatial splits), triangles of a leaf at most, triangles that the builder
@@ -9,8 +9,6 @@
 // figures are the same on any machine. The first tree gives the hits that those of the others are held against. Prints
 // a line of JSON for each tree. Exit codes: 0; 1 hits differ between trees without spatial splits; 2 it could not be
 // run.
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <array>
 #include <bit>
@@ -23,9 +21,8 @@
 #include <vector>
 
 #include "client/cli/bench/store_triangles.h"
-#include "client/cli/ray_file.h"
 #include "tests/bench/build/trial_tree.h"
-#include "traversal/simd/float_mode.h"
+#include "tests/bench/tool.h"
 #include "traversal/slab.h"
 
 namespace raymill::bench {
@@ -41,30 +38,8 @@ struct Options {
                                     "medium:2:1:0", "medium:1:1:0", "low:8:4:0",    "high:8:4:0",
                                     "medium:8:4:1", "medium:8:4:2", "high:8:4:1"};
   std::size_t most_rays = 30000;
-  unsigned width = 8;
+  std::vector<unsigned> widths = {4, 8};
 };
-
-double thread_seconds() {
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-class Collector final : public storage::TriangleSink {
- public:
-  Status add(std::span<const Triangle> triangles) override {
-    all.insert(all.end(), triangles.begin(), triangles.end());
-    return {};
-  }
-  std::vector<Triangle> all;
-};
-
-Result<std::vector<Ray>> read_rays(const Options& options) {
-  RAYMILL_ASSIGN_OR_RETURN(auto reader, client::RayFileReader::open(options.rays));
-  std::vector<Ray> rays(std::min<std::size_t>(reader.count(), options.most_rays));
-  RAYMILL_RETURN_IF_ERROR(reader.read(rays).status());
-  return rays;
-}
 
 Result<TreeChoice> parse_choice(const std::string& text) {
   TreeChoice choice;
@@ -135,9 +110,9 @@ class Tracer {
     std::uint32_t child, count;
   };
 
-  // The rule of traversal/slab.h.
-  [[nodiscard]] Interval meet(const Ray& ray, const Aabb& box) const {
-    float entry = ray.tnear, exit = std::numeric_limits<float>::infinity();
+  // The rule of traversal/slab.h, from `least` on.
+  [[nodiscard]] Interval meet(const Ray& ray, const Aabb& box, float least) const {
+    float entry = least, exit = std::numeric_limits<float>::infinity();
     for (unsigned axis = 0; axis < 3; ++axis) {
       const bool back = std::signbit(ray.dir[axis]);
       const auto at = static_cast<int>(axis);
@@ -152,7 +127,7 @@ class Tracer {
   void push_children(const Ray& ray, const TrialNode& node, float tfar) {
     const std::size_t bottom = stack_.size();
     for (unsigned slot = 0; slot < node.children; ++slot) {
-      const Interval its = meet(ray, node.boxes[slot]);
+      const Interval its = meet(ray, node.boxes[slot], ray.tnear);
       if (its.entry <= std::min(its.exit, tfar)) {
         stack_.push_back({its.entry, node.child[slot], node.count[slot]});
       }
@@ -176,7 +151,7 @@ class Tracer {
     const std::array dir{double(ray.dir[0]), double(ray.dir[1]), double(ray.dir[2])};
     const auto p = cross(dir, e2), q = cross(s, e1);
     const double inverse = 1 / dot(e1, p), u = dot(s, p) * inverse, v = dot(dir, q) * inverse;
-    const Interval box = meet(ray, bounds(triangle));
+    const Interval box = meet(ray, bounds(triangle), -std::numeric_limits<float>::infinity());
     if (!(u >= 0 && v >= 0 && u + v <= 1 && box.entry <= box.exit)) {
       return;
     }
@@ -193,11 +168,37 @@ class Tracer {
   std::vector<Entry> stack_;
 };
 
+struct Traced {
+  Counters counters;
+  std::vector<Answer> answers;
+};
+
+Traced trace_all(const TrialTree& tree, std::span<const TrialNode> nodes, std::span<const Triangle> triangles,
+                 std::span<const Ray> rays) {
+  Tracer tracer(tree, nodes, triangles);
+  Traced traced;
+  for (const Ray& ray : rays) {
+    traced.answers.push_back(tracer.trace(ray, traced.counters));
+  }
+  return traced;
+}
+
+std::size_t count_different(std::span<const Answer> expected, std::span<const Answer> answers) {
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const bool same = std::bit_cast<std::uint32_t>(expected[i].t) == std::bit_cast<std::uint32_t>(answers[i].t) &&
+                      expected[i].triangle == answers[i].triangle;
+    different += same ? 0 : 1;
+  }
+  return different;
+}
+
 Result<bool> run(const Options& options) {
-  Collector scene;
+  TriangleCollector scene;
   RAYMILL_RETURN_IF_ERROR(client::read_store_triangles(options.store, scene));
-  RAYMILL_ASSIGN_OR_RETURN(const auto rays, read_rays(options));
+  RAYMILL_ASSIGN_OR_RETURN(const auto rays, read_rays(options.rays, options.most_rays));
   RAYMILL_ASSIGN_OR_RETURN(const auto device, storage::EmbreeDevice::create());
+  const auto ray_count = static_cast<double>(rays.size()), triangles = static_cast<double>(scene.all.size());
   std::vector<Answer> expected;
   bool all_alike = true;
   for (const std::string& name : options.trees) {
@@ -205,39 +206,27 @@ Result<bool> run(const Options& options) {
     const double begin = thread_seconds();
     RAYMILL_ASSIGN_OR_RETURN(const TrialTree tree, build_trial_tree(device, scene.all, choice));
     const double seconds = thread_seconds() - begin;
-    const std::vector<TrialNode> nodes = make_wide(tree, options.width);
-    Tracer tracer(tree, nodes, scene.all);
-    Counters counters;
-    std::vector<Answer> answers;
-    std::size_t different = 0;
-    for (const Ray& ray : rays) {
-      answers.push_back(tracer.trace(ray, counters));
-      const std::size_t i = answers.size() - 1;
-      different += !expected.empty() &&
-                           (std::bit_cast<std::uint32_t>(expected[i].t) != std::bit_cast<std::uint32_t>(answers[i].t) ||
-                            expected[i].triangle != answers[i].triangle)
-                       ? 1
-                       : 0;
+    for (const unsigned width : options.widths) {
+      const std::vector<TrialNode> nodes = make_wide(tree, width);
+      const Traced traced = trace_all(tree, nodes, scene.all, rays);
+      expected = expected.empty() ? traced.answers : expected;
+      const std::size_t different = count_different(expected, traced.answers);
+      all_alike = all_alike && (choice.quality == Quality::high || different == 0);
+      const nlohmann::json line = {{"tree", name},
+                                   {"width", width},
+                                   {"triangles", scene.all.size()},
+                                   {"rays", rays.size()},
+                                   {"references_per_triangle", static_cast<double>(tree.references.size()) / triangles},
+                                   {"wide_nodes_per_triangle", static_cast<double>(nodes.size()) / triangles},
+                                   {"sah_cost", sah_cost(nodes, tree.nodes[0].box)},
+                                   {"nodes_per_ray", static_cast<double>(traced.counters.nodes) / ray_count},
+                                   {"leaves_per_ray", static_cast<double>(traced.counters.leaves) / ray_count},
+                                   {"triangles_per_ray", static_cast<double>(traced.counters.triangles) / ray_count},
+                                   {"build_seconds", seconds},
+                                   {"different", different}};
+      std::printf("%s\n", line.dump().c_str());
+      std::fflush(stdout);
     }
-    if (expected.empty()) {
-      expected = answers;
-    }
-    all_alike = all_alike && (choice.quality == Quality::high || different == 0);
-    const auto count = static_cast<double>(rays.size()), triangles = static_cast<double>(scene.all.size());
-    const nlohmann::json line = {{"tree", name},
-                                 {"width", options.width},
-                                 {"triangles", scene.all.size()},
-                                 {"rays", rays.size()},
-                                 {"references_per_triangle", static_cast<double>(tree.references.size()) / triangles},
-                                 {"wide_nodes_per_triangle", static_cast<double>(nodes.size()) / triangles},
-                                 {"sah_cost", sah_cost(nodes, tree.nodes[0].box)},
-                                 {"nodes_per_ray", static_cast<double>(counters.nodes) / count},
-                                 {"leaves_per_ray", static_cast<double>(counters.leaves) / count},
-                                 {"triangles_per_ray", static_cast<double>(counters.triangles) / count},
-                                 {"build_seconds", seconds},
-                                 {"different", different}};
-    std::printf("%s\n", line.dump().c_str());
-    std::fflush(stdout);
   }
   return all_alike;
 }
@@ -251,22 +240,11 @@ int main(int argc, char** argv) {
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--most-rays", options.most_rays, "Rays that are traced")->capture_default_str();
-  app.add_option("--width", options.width, "Children of a node")
+  app.add_option("--widths", options.widths, "Children of a node, separated by commas")
+      ->delimiter(',')
       ->check(CLI::IsMember({2, 4, 8}))
       ->capture_default_str();
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const traversal::IeeeScope ieee;
-  const auto alike = run(options);
-  if (!alike) {
-    std::fprintf(stderr, "raymill-tree-quality: %s\n", alike.status().message().c_str());
-    return kCannotRun;
-  }
-  return *alike ? 0 : 1;
+  return run_tool(app, argc, argv, [&] { return run(options); });
 }
 
 }  // namespace

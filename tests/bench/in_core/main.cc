@@ -9,8 +9,6 @@
 // rate in --mode to its rate in the others: what they cost); its median, least and most are printed, one line of JSON
 // for each file. Exit codes: 0; 1 hits of ours differ, or Embree's in more of the rays than --most-different; 2 it
 // could not be run.
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bit>
@@ -22,25 +20,19 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/cli/ray_file.h"
 #include "storage/base/quotes.h"
 #include "tests/bench/in_core/embree_calls.h"
 #include "tests/bench/in_core/resident_store.h"
+#include "tests/bench/tool.h"
 #include "tests/support/embree_files.h"
 #include "traversal/engine.h"
 #include "traversal/ray_order.h"
-#include "traversal/simd/float_mode.h"
 
 namespace raymill::bench {
 namespace {
 
-// The time of a thread's work: what else runs on the machine takes from it only through the caches.
 struct ThreadClock {
-  static double now() {
-    timespec time{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  }
+  static double now() { return thread_seconds(); }
 };
 struct WallClock {
   static double now() {
@@ -120,14 +112,6 @@ bool alike(const Hit& a, const Hit& b) {
 nlohmann::json spread(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return {{"median", values[values.size() / 2]}, {"least", values.front()}, {"most", values.back()}};
-}
-
-Result<std::vector<Ray>> read_rays(const std::string& path, std::size_t most) {
-  RAYMILL_ASSIGN_OR_RETURN(auto reader, client::RayFileReader::open(path));
-  std::vector<Ray> rays(std::min<std::size_t>(reader.count(), most));
-  RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(rays));
-  rays.resize(count);
-  return rays;
 }
 
 struct Measured {
@@ -284,7 +268,8 @@ std::vector<Tracer> tracers_of(const Scene& scene, const Options& options, trave
   return tracers;
 }
 
-Status run(const Options& options, bool& all_alike) {
+Result<bool> run(const Options& options) {
+  bool all_alike = true;
   RAYMILL_ASSIGN_OR_RETURN(const Scene scene, load(options));
   traversal::KernelCounters counters;
   const std::vector<Tracer> tracers = tracers_of(scene, options, counters);
@@ -308,7 +293,7 @@ Status run(const Options& options, bool& all_alike) {
       all_alike = all_alike && different <= (tracer.is_ours ? 0 : options.most_different * count);
     }
   }
-  return {};
+  return all_alike;
 }
 
 int main(int argc, char** argv) {
@@ -334,19 +319,7 @@ int main(int argc, char** argv) {
   app.add_flag("--no-embree", options.no_embree, "Leave Embree out, for a profile");
   app.add_option("--most-different", options.most_different, "Part of the rays whose hits may differ")
       ->capture_default_str();
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const traversal::IeeeScope ieee;
-  bool all_alike = true;
-  if (const Status status = run(options, all_alike); !status.ok()) {
-    std::fprintf(stderr, "raymill-in-core: %s\n", status.message().c_str());
-    return kCannotRun;
-  }
-  return all_alike ? 0 : 1;
+  return run_tool(app, argc, argv, [&] { return run(options); });
 }
 
 }  // namespace

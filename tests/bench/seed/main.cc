@@ -8,8 +8,6 @@
 // are printed. Nodes and triangles are counted in a run of its own. All algorithms must give the same hits bit for bit,
 // and for a few rays those of a loop over all triangles. Tables for each file of rays, and a line of JSON. Exit codes:
 // 0; 1 hits differ; 2 it could not be run.
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bit>
@@ -20,9 +18,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/bench/store_triangles.h"
-#include "client/cli/ray_file.h"
 #include "tests/bench/seed/report.h"
-#include "traversal/simd/float_mode.h"
+#include "tests/bench/tool.h"
 
 namespace raymill::bench {
 namespace {
@@ -37,40 +34,10 @@ struct Options {
   std::size_t most_rays = std::numeric_limits<std::size_t>::max();
 };
 
-// The time of a thread's work: what else runs on the machine takes from it only through the caches.
-double thread_seconds() {
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-class Collector final : public storage::TriangleSink {
- public:
-  Status add(std::span<const storage::Triangle> triangles) override {
-    triangles_.insert(triangles_.end(), triangles.begin(), triangles.end());
-    return {};
-  }
-  [[nodiscard]] std::vector<storage::Triangle> take() { return std::move(triangles_); }
-
- private:
-  std::vector<storage::Triangle> triangles_;
-};
-
 Result<Trees> load(const std::string& store) {
-  Collector collector;
+  TriangleCollector collector;
   RAYMILL_RETURN_IF_ERROR(client::read_store_triangles(store, collector));
-  return build_trees(collector.take());
-}
-
-Result<std::vector<Ray>> read_rays(const std::string& path, std::size_t most) {
-  RAYMILL_ASSIGN_OR_RETURN(auto reader, client::RayFileReader::open(path));
-  std::vector<Ray> rays(std::min<std::size_t>(reader.count(), most));
-  RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(rays));
-  if (count == 0) {
-    return {ErrorCode::invalid_argument, path + ": holds no rays"};
-  }
-  rays.resize(count);
-  return rays;
+  return build_trees(std::move(collector.all));
 }
 
 bool same_bits(const SeedHit& a, const SeedHit& b) {
@@ -150,12 +117,13 @@ Status run_file(const Options& options, const Trees& trees, const std::string& f
   return {};
 }
 
-Status run(const Options& options, bool& all_alike) {
+Result<bool> run(const Options& options) {
+  bool all_alike = true;
   RAYMILL_ASSIGN_OR_RETURN(const Trees trees, load(options.store));
   for (const std::string& file : options.rays) {
     RAYMILL_RETURN_IF_ERROR(run_file(options, trees, file, all_alike));
   }
-  return {};
+  return all_alike;
 }
 
 int main(int argc, char** argv) {
@@ -165,19 +133,7 @@ int main(int argc, char** argv) {
   app.add_option("RAYS", options.rays, "Ray files")->required();
   app.add_option("--repeat", options.repeat, "Repetitions")->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const traversal::IeeeScope ieee;
-  bool all_alike = true;
-  if (const Status status = run(options, all_alike); !status.ok()) {
-    std::fprintf(stderr, "raymill-seed: %s\n", status.message().c_str());
-    return kCannotRun;
-  }
-  return all_alike ? 0 : 1;
+  return run_tool(app, argc, argv, [&] { return run(options); });
 }
 
 }  // namespace

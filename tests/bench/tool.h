@@ -1,0 +1,67 @@
+// What the benches' tools share: their call, the clock of a thread, rays and triangles from files.
+#pragma once
+
+#include <time.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/cli/ray_file.h"
+#include "storage/import/scene_import.h"
+#include "traversal/simd/float_mode.h"
+
+namespace raymill::bench {
+
+/// The CPU time of this thread: what else runs on the machine takes from it only through the caches.
+inline double thread_seconds() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+/// Keeps all triangles.
+class TriangleCollector final : public storage::TriangleSink {
+ public:
+  Status add(std::span<const storage::Triangle> triangles) override {
+    all.insert(all.end(), triangles.begin(), triangles.end());
+    return {};
+  }
+  std::vector<storage::Triangle> all;
+};
+
+/// The file's first rays, at most so many. Errors: RayFileReader's; invalid_argument (there are none).
+inline Result<std::vector<Ray>> read_rays(const std::string& path, std::size_t most) {
+  RAYMILL_ASSIGN_OR_RETURN(auto reader, client::RayFileReader::open(path));
+  std::vector<Ray> rays(std::min<std::size_t>(reader.count(), most));
+  RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(rays));
+  if (count == 0) {
+    return {ErrorCode::invalid_argument, path + ": holds no rays"};
+  }
+  rays.resize(count);
+  return rays;
+}
+
+/// Parses the call and calls run(), a Result<bool>, in our float mode; the exit code: 0; 1 where it gives false; 2 an
+/// error, which is told.
+template <typename Run>
+int run_tool(CLI::App& app, int argc, char** argv, Run&& run) {
+  constexpr int kCannotRun = 2;
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kCannotRun;
+  }
+  const traversal::IeeeScope ieee;
+  const Result<bool> result = run();
+  if (!result) {
+    std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), result.status().message().c_str());
+    return kCannotRun;
+  }
+  return *result ? 0 : 1;
+}
+
+}  // namespace raymill::bench
