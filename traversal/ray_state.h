@@ -87,6 +87,13 @@ struct RayState {
   bool left_object = false;  ///< waits for the node where it goes on after an object
 };
 
+/// Out of the object that the ray is in.
+inline void leave_object(RayState& ray) {
+  ray.object.inside = false;
+  ray.org = ray.object.world_org;
+  ray.dir = ray.object.world_dir;
+}
+
 /// Whether a record holds the corners of the hit's triangle.
 enum class KeptCorners : std::uint8_t { none, of_hit };
 

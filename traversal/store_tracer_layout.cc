@@ -163,6 +163,9 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   if (job.among_volumes) {
     for (RayState& ray : rays) {
       if (ray.done && !(job.config.query == Query::any && ray.has_hit)) {
+        if (ray.object.inside) {
+          leave_object(ray);
+        }
         begin_volumes(job.config.query, job.config.volume, volumes_, ray);
       }
     }

@@ -366,9 +366,7 @@ class Batch {
   // Back to the world. False: to the node that the instance hangs on, for the ray was taken up below it.
   [[gnu::noinline]] bool leave_object(RayLane* lane) {
     RayState& ray = *lane->ray;
-    ray.object.inside = false;
-    ray.org = ray.object.world_org;
-    ray.dir = ray.object.world_dir;
+    traversal::leave_object(ray);
     set_frame(lane);
     lane->floor = 0;
     lane->top = lane->world_top;

@@ -24,7 +24,7 @@
 namespace raymill::traversal {
 
 /// Set in RayState::level of a ray that is among volumes.
-constexpr std::uint8_t kAmongVolumes = 0x80;
+constexpr std::uint8_t kAmongVolumes = 0x20;  // above the levels of any tree, below the record's own flags
 inline bool is_among_volumes(const RayState& ray) { return (ray.level & kAmongVolumes) != 0; }
 
 /// What the kernel reads. Plain data.
