@@ -24,13 +24,17 @@ RaySpiller::RaySpiller(StoreTracer& tracer, storage::MappedMemory buffer)
   }
 }
 
-RaySpiller::~RaySpiller() {
+RaySpiller::~RaySpiller() { stop(); }
+
+void RaySpiller::stop() {
   {
     const std::lock_guard lock(tracer_.mutex_);
     stopping_ = true;
   }
   wake_.notify_one();
-  thread_.join();
+  if (thread_.joinable()) {
+    thread_.join();
+  }
 }
 
 void RaySpiller::run() {

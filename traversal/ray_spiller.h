@@ -32,8 +32,9 @@ class RaySpiller {
 
   /// `buffer`: of an extent.
   RaySpiller(StoreTracer& tracer, storage::MappedMemory buffer);
-  /// The tracer's mutex must be free.
+  /// The tracer's mutex must be free; stop() alike, after which its thread is gone.
   ~RaySpiller();
+  void stop();
   RaySpiller(const RaySpiller&) = delete;
   RaySpiller& operator=(const RaySpiller&) = delete;
 

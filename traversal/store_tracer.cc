@@ -132,8 +132,11 @@ StoreTracer::~StoreTracer() {
   for (std::thread& thread : threads_) {
     thread.join();
   }
-  spiller_.reset();
-  reader_.reset();  // its threads call on_arrival until they are gone
+  // The spiller's thread and the reader's ask for pages until they are gone, and that looks at the spiller.
+  if (spiller_) {
+    spiller_->stop();
+  }
+  reader_.reset();
 }
 
 Status StoreTracer::check_query(const TraceConfig& config) const {
