@@ -18,7 +18,8 @@ import support
 
 KINDS = ["primary", "ao", "bounce"]
 SMALL_TRIANGLES = 10_000
-# name, files, options of the build
+# name, files, options of the build; all in world space, as the oracle has them (tests/unit/traversal/instances_test.cc
+# holds instances against objects of their own)
 SCENES = [
     ("house", ["house/victorian_house.glb"], []),
     ("house_lattice", ["house/victorian_house.glb"], ["--positions", "lattice:18b"]),
@@ -68,7 +69,7 @@ class Trial:
     def scene(self, name, files, build_options):
         store = self.folder / "scene.mill"
         built = support.run_json(self.options.raymill, "build", *files, "-o", store, "--memory", "8G", "--json",
-                                 *build_options)
+                                 "--instances", "never", *build_options)
         count = min(self.options.rays, 100_000) if built["triangles"] < SMALL_TRIANGLES else self.options.rays
         for kind in KINDS:
             told = self.judge(store, files, kind, count, build_options)
@@ -83,7 +84,7 @@ class Trial:
         total = {}
         for file in sorted([*folder.rglob("*.gltf"), *folder.rglob("*.glb")]):
             store = self.folder / "scene.mill"
-            done = support.Run([self.options.raymill, "build", file, "-o", store])
+            done = support.Run([self.options.raymill, "build", file, "-o", store, "--instances", "never"])
             if done.rc != 0:
                 done.need(42)
                 (empty if "no triangle" in done.stderr else refused).append(file)
