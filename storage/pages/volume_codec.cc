@@ -56,7 +56,9 @@ T unzigzag_of(T code) {
 template <typename T>
 void put_deltas(PlaneWriter& out, std::span<const std::byte> values) {
   std::vector<T> words(values.size() / sizeof(T));
-  std::memcpy(words.data(), values.data(), values.size());
+  if (!values.empty()) {
+    std::memcpy(words.data(), values.data(), values.size());
+  }
   T before = 0;
   for (T& word : words) {
     const T value = word;
