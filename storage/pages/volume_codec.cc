@@ -56,9 +56,7 @@ T unzigzag_of(T code) {
 template <typename T>
 void put_deltas(PlaneWriter& out, std::span<const std::byte> values) {
   std::vector<T> words(values.size() / sizeof(T));
-  if (!values.empty()) {
-    std::memcpy(words.data(), values.data(), values.size());
-  }
+  std::copy_n(values.begin(), words.size() * sizeof(T), std::as_writable_bytes(std::span(words)).begin());
   T before = 0;
   for (T& word : words) {
     const T value = word;
