@@ -56,11 +56,11 @@ T unzigzag_of(T code) {
 template <typename T>
 void put_deltas(PlaneWriter& out, std::span<const std::byte> values) {
   std::vector<T> words(values.size() / sizeof(T));
-  std::copy_n(values.begin(), words.size() * sizeof(T), std::as_writable_bytes(std::span(words)).begin());
   T before = 0;
-  for (T& word : words) {
-    const T value = word;
-    word = zigzag_of(static_cast<T>(value - before));
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    T value = 0;
+    std::memcpy(&value, values.data() + i * sizeof value, sizeof value);
+    words[i] = zigzag_of(static_cast<T>(value - before));
     before = value;
   }
   out.put<T>(words);
