@@ -38,6 +38,12 @@ class Corners final : public storage::TriangleSink {
   std::uint64_t count_ = 0;
 };
 
+void attach(RTCGeometry geometry, RTCScene scene) {
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometry(scene, geometry);
+  rtcReleaseGeometry(geometry);
+}
+
 }  // namespace
 
 Result<EmbreeScene> EmbreeScene::create(const Config& config,
@@ -67,14 +73,8 @@ Result<EmbreeScene> EmbreeScene::create(const Config& config,
                              kCornerBytes, 3 * made.triangles_);
   rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, made.indices_.data(), 0,
                              3 * sizeof(std::uint32_t), made.triangles_);
-  rtcCommitGeometry(geometry);
-  rtcAttachGeometry(made.scene_, geometry);
-  rtcReleaseGeometry(geometry);
-  rtcCommitScene(made.scene_);
-  if (const RTCError error = rtcGetDeviceError(made.device_); error != RTC_ERROR_NONE) {
-    return {ErrorCode::internal, "Embree reports error " + std::to_string(error)};
-  }
-  made.build_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  attach(geometry, made.scene_);
+  RAYMILL_RETURN_IF_ERROR(made.commit(begin));
   if (!config.keep_arrays) {
     for (const storage::MappedMemory* array : {&made.vertices_, &made.indices_}) {
       ::madvise(array->data(), array->size(), MADV_DONTNEED);
@@ -93,6 +93,15 @@ Status EmbreeScene::make_device(const Config& config) {
   return {};
 }
 
+Status EmbreeScene::commit(std::chrono::steady_clock::time_point begin) {
+  rtcCommitScene(scene_);
+  if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE) {
+    return {ErrorCode::internal, "Embree reports error " + std::to_string(error)};
+  }
+  build_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return {};
+}
+
 namespace {
 
 void attach_triangles(RTCDevice device, RTCScene scene, std::span<const storage::Triangle> triangles) {
@@ -108,9 +117,7 @@ void attach_triangles(RTCDevice device, RTCScene scene, std::span<const storage:
     std::memcpy(corners + 3 * kCornerBytes * i, triangles[i].v.data(), 3 * kCornerBytes);
   }
   std::iota(indices, indices + 3 * triangles.size(), 0U);
-  rtcCommitGeometry(geometry);
-  rtcAttachGeometry(scene, geometry);
-  rtcReleaseGeometry(geometry);
+  attach(geometry, scene);
 }
 
 }  // namespace
@@ -136,15 +143,9 @@ Result<EmbreeScene> EmbreeScene::create(const Config& config, const PlacedTriang
     std::transform(place.world_from_object.begin(), place.world_from_object.end(), matrix.begin(),
                    [](double x) { return static_cast<float>(x); });
     rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, matrix.data());
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometry(made.scene_, geometry);
-    rtcReleaseGeometry(geometry);
+    attach(geometry, made.scene_);
   }
-  rtcCommitScene(made.scene_);
-  if (const RTCError error = rtcGetDeviceError(made.device_); error != RTC_ERROR_NONE) {
-    return {ErrorCode::internal, "Embree reports error " + std::to_string(error)};
-  }
-  made.build_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  RAYMILL_RETURN_IF_ERROR(made.commit(begin));
   return made;
 }
 

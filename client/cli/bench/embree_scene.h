@@ -7,6 +7,7 @@
 
 #include <embree3/rtcore.h>
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -52,6 +53,8 @@ class EmbreeScene {
  private:
   EmbreeScene() = default;
   Status make_device(const Config& config);
+  /// The scene whose build began at `begin`.
+  Status commit(std::chrono::steady_clock::time_point begin);
 
   storage::MappedMemory vertices_;
   storage::MappedMemory indices_;
