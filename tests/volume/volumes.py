@@ -109,7 +109,7 @@ class Trial:
         words = ("--query", "spans", "--threshold", threshold)
         spans, stats = self.trace(store, rays, *words)
         offsets = np.load(self.folder / "out.offsets.npy")
-        dense = self.oracle("above", vdb, rays, np.float64, 0.02, threshold).reshape(-1, 3)
+        dense = self.oracle("above", vdb, rays, np.float64, 0.05, threshold).reshape(-1, 3)
         length = spans["t_leave"].astype(np.float64) - spans["t"]
         sums = np.diff(np.concatenate([[0], np.cumsum(length)])[offsets])
         # A change lies within half a step of where two samples show it; two between samples are not seen.
