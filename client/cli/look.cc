@@ -48,8 +48,8 @@ Result<std::vector<std::string>> kernels_of(Store& store) {
     Result<std::string> kernel = kernel_of(store, query);
     if (kernel) {
       kernels.push_back(std::move(*kernel));
-    } else if (!is_of_fog(query)) {
-      return kernel.status();
+    } else if (!is_of_fog(query) || kernel.status().code() != ErrorCode::invalid_argument) {
+      return kernel.status();  // else there is no fog
     }
   }
   return kernels;
@@ -59,9 +59,10 @@ Status info(const LookOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
   RAYMILL_ASSIGN_OR_RETURN(StoreInfo store, open.store->info());
   InfoExtras extras;
-  RAYMILL_ASSIGN_OR_RETURN(extras.kernels, kernels_of(*open.store));
+  // On a server jobs wait for their turn, and its own machine's kernels run.
   if (options.service.server.empty()) {
     store.least_memory_bytes += kVerbBytes;
+    RAYMILL_ASSIGN_OR_RETURN(extras.kernels, kernels_of(*open.store));
     RAYMILL_ASSIGN_OR_RETURN(extras.costs, store_costs(options.store));
   }
   return options.json ? print_json(info_json(store, extras)) : print(info_text(store, extras));
@@ -101,7 +102,7 @@ Verb add_info(CLI::App& app) {
       "the store costs in the file and in memory, the layouts it can have there, the kernel that answers each query "
       "on\n"
       "this machine (query/width/bitstack/mode/instruction set), and cameras; with --json also the import report and\n"
-      "each geometry's node, mesh and primitive.");
+      "each geometry's node, mesh and primitive. Costs and kernels are not shown of a store on a server.");
   const auto options = add_common(*verb);
   verb->add_option("--server", options->service.server, "Ask this server (ipc://PATH or tcp://HOST:PORT)")
       ->type_name("ADDR");

@@ -1,7 +1,10 @@
 #include "storage/io/store_costs.h"
 
+#include <algorithm>
 #include <cstring>
+#include <memory>
 #include <span>
+#include <utility>
 
 #include "storage/base/aligned.h"
 #include "storage/io/store_file.h"
@@ -77,8 +80,14 @@ Result<std::vector<FeatureCost>> store_costs(const std::string& path) {
     RAYMILL_RETURN_IF_ERROR(add_page(*store, PageId{i}, buffer, sums));
   }
   std::vector<FeatureCost> costs;
+  const auto has = [&](Feature feature) {
+    return (store->header().features & static_cast<std::uint64_t>(feature)) != 0;
+  };
+  if (!has(Feature::geometry_ids)) {
+    sums.triangle_decoded += std::exchange(sums.geometry_bytes, 0);  // the one id that every page names
+  }
   const auto add = [&](Feature feature, const FeatureCost& cost) {
-    if ((store->header().features & static_cast<std::uint64_t>(feature)) != 0) {
+    if (has(feature)) {
       costs.push_back(cost);
     }
   };
