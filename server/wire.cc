@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <limits>
 
 #include "server/limits.h"
@@ -68,6 +69,18 @@ Status check(const pb::StartJob& start) {
   }
   if (!known_fields(start.fields())) {
     return invalid("fields " + std::to_string(start.fields()) + " are none, or not all known to this server");
+  }
+  return {};
+}
+
+Status check(const pb::StoreDescription& store) {
+  if (store.bounds_size() != 6) {
+    return corrupt("a store's bounds have six numbers");
+  }
+  const auto& origin = store.origin();
+  if (!std::all_of(origin.begin(), origin.end(), [](double x) { return std::isfinite(x); }) ||
+      (origin.size() != 3 && !origin.empty())) {
+    return corrupt("a store's origin has three numbers, or none");
   }
   return {};
 }
@@ -153,7 +166,7 @@ Status decode(std::span<const std::byte> bytes, std::optional<std::size_t> frame
     case Body::kError:
       return message.error().code() != 0 ? Status() : corrupt("an error without a code");
     case Body::kStoreDescription:
-      return message.store_description().bounds_size() == 6 ? Status() : corrupt("a store's bounds have six numbers");
+      return check(message.store_description());
     case Body::kJobAccepted: {
       const std::uint32_t chunk_rays = message.job_accepted().chunk_rays();
       if (chunk_rays == 0 || chunk_rays > kMostChunkRays) {

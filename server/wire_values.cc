@@ -31,7 +31,10 @@ Mode from_wire(pb::Mode mode) {
 }
 
 TraceConfig to_trace_config(const pb::StartJob& start) {
-  return {.query = from_wire(start.query()), .mode = from_wire(start.mode()), .fields = Field(start.fields())};
+  return {.query = from_wire(start.query()),
+          .mode = from_wire(start.mode()),
+          .fields = Field(start.fields()),
+          .relative = start.relative()};
 }
 
 pb::JobStats to_wire(const JobStats& stats) {
@@ -141,6 +144,9 @@ pb::StoreDescription to_wire(const StoreInfo& info) {
   wire.set_positions(utf8_or_question_marks(info.positions));
   wire.set_instances(info.instances);
   wire.set_objects(info.objects);
+  if (info.origin != std::array<double, 3>{}) {
+    wire.mutable_origin()->Assign(info.origin.begin(), info.origin.end());
+  }
   return wire;
 }
 
@@ -167,6 +173,9 @@ StoreInfo from_wire(const pb::StoreDescription& wire, std::string_view metadata)
   info.positions = wire.positions();
   info.instances = wire.instances();
   info.objects = wire.objects();
+  for (int axis = 0; axis < 3 && wire.origin_size() == 3; ++axis) {
+    info.origin[static_cast<std::size_t>(axis)] = wire.origin(axis);
+  }
   info.metadata_json = metadata;
   return info;
 }

@@ -43,6 +43,7 @@ Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> 
   start.set_mode(server::to_wire(request.trace.mode));
   start.set_fields(static_cast<std::uint32_t>(request.trace.fields));
   start.set_detached(request.detached);
+  start.set_relative(request.trace.relative);
   start.set_rows_limit(server::kRowsWindow);
   RAYMILL_ASSIGN_OR_RETURN(const ServerPacket answer, link->connection_->call(std::move(message)));
   if (!answer.message.has_job_accepted()) {

@@ -129,7 +129,7 @@ Status Renderer::trace(Store& store, Query query, const Wave& wave,
                        : config_.view == View::depth ? Field::t
                                                      : Field::t | Field::normal;
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job,
-                           store.trace({.query = query, .mode = config_.mode, .fields = fields}));
+                           store.trace({.query = query, .mode = config_.mode, .fields = fields, .relative = true}));
   BatchTimes times;
   RAYMILL_RETURN_IF_ERROR(run_batch(
       *job, source_of(wave.rays),
