@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <limits>
 
 #include "server/limits.h"
@@ -82,6 +83,18 @@ Status check(const pb::StartJob& start, std::optional<std::size_t> frame_bytes) 
   if (frame_bytes.value_or(0) != start.geometry_masks() * sizeof(std::uint32_t)) {
     return corrupt("a frame of " + std::to_string(frame_bytes.value_or(0)) + " bytes does not hold the masks of " +
                    std::to_string(start.geometry_masks()) + " geometries");
+  }
+  return {};
+}
+
+Status check(const pb::StoreDescription& store) {
+  if (store.bounds_size() != 6) {
+    return corrupt("a store's bounds have six numbers");
+  }
+  const auto& origin = store.origin();
+  if (!std::all_of(origin.begin(), origin.end(), [](double x) { return std::isfinite(x); }) ||
+      (origin.size() != 3 && !origin.empty())) {
+    return corrupt("a store's origin has three numbers, or none");
   }
   return {};
 }
@@ -180,7 +193,7 @@ Status decode(std::span<const std::byte> bytes, std::optional<std::size_t> frame
     case Body::kError:
       return message.error().code() != 0 ? Status() : corrupt("an error without a code");
     case Body::kStoreDescription:
-      return message.store_description().bounds_size() == 6 ? Status() : corrupt("a store's bounds have six numbers");
+      return check(message.store_description());
     case Body::kJobAccepted: {
       const std::uint32_t chunk_rays = message.job_accepted().chunk_rays();
       if (chunk_rays == 0 || chunk_rays > kMostChunkRays) {

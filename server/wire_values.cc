@@ -77,6 +77,7 @@ TraceConfig to_trace_config(const pb::StartJob& start) {
   config.skips = start.skips();
   config.masks = start.masks();
   config.mask = ~start.without_mask();
+  config.relative = start.relative();
   return config;
 }
 
@@ -97,6 +98,7 @@ void fill(const TraceConfig& config, pb::StartJob& start) {
   start.set_skips(config.skips);
   start.set_masks(config.masks);
   start.set_without_mask(~config.mask);
+  start.set_relative(config.relative);
   start.set_geometry_masks(config.geometry_masks ? static_cast<std::uint32_t>(config.geometry_masks->size()) : 0);
 }
 
@@ -211,6 +213,9 @@ pb::StoreDescription to_wire(const StoreInfo& info) {
   wire.set_positions(utf8_or_question_marks(info.positions));
   wire.set_instances(info.instances);
   wire.set_objects(info.objects);
+  if (info.origin != std::array<double, 3>{}) {
+    wire.mutable_origin()->Assign(info.origin.begin(), info.origin.end());
+  }
   for (const std::string& layout : info.layouts) {
     wire.add_layouts(utf8_or_question_marks(layout));
   }
@@ -240,6 +245,9 @@ StoreInfo from_wire(const pb::StoreDescription& wire, std::string_view metadata)
   info.positions = wire.positions();
   info.instances = wire.instances();
   info.objects = wire.objects();
+  for (int axis = 0; axis < 3 && wire.origin_size() == 3; ++axis) {
+    info.origin[static_cast<std::size_t>(axis)] = wire.origin(axis);
+  }
   info.layouts.assign(wire.layouts().begin(), wire.layouts().end());
   info.metadata_json = metadata;
   return info;

@@ -66,6 +66,8 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::lattice, "lattice");
   feature(storage::Feature::instances, "instances");
   feature(storage::Feature::volumes, "volumes");
+  feature(storage::Feature::origin, "origin");
+  info.origin = header.origin().position();
   info.bounds_min = footer.bounds_min;
   info.bounds_max = footer.bounds_max;
   info.triangles = footer.triangle_count;
@@ -195,6 +197,9 @@ class EngineStore final : public Store {
     info.least_memory_bytes = engine_->least_memory(tracer_->file());
     RAYMILL_ASSIGN_OR_RETURN(info.metadata_json, tracer_->file().read_metadata());
     return info;
+  }
+  [[nodiscard]] Result<std::array<double, 3>> origin() const override {
+    return tracer_->file().header().origin().position();
   }
   Result<std::unique_ptr<Job>> trace(const TraceConfig& config) override { return tracer_->start(config, tracer_); }
 

@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "traversal/ray_rounding.h"
 #include "traversal/simd/float_mode.h"
 
 namespace raymill::traversal {
@@ -75,14 +76,14 @@ struct EngineJob::Slice {
   std::span<const std::uint32_t> order;  // of all of `some`; empty: as they come
   std::size_t first = 0, count = 0;
 
-  // Calls valid(number, index) for those of `some` that can be traced and invalid(number) for the others.
+  // Calls valid(number, index, ray) for those of `some` that can be traced and invalid(number) for the others.
   template <typename Valid, typename Invalid>
   void each(Valid&& valid, Invalid&& invalid) const {
     for (std::size_t i = first; i < first + count; ++i) {
       const auto index = order.empty() ? static_cast<std::uint32_t>(i) : order[i];
       const std::uint32_t number = some.first_number + index;
-      if (TraceJob::valid(some.rays[index])) {
-        valid(number, index);
+      if (const Ray ray = some.rays[index]; TraceJob::valid(ray)) {
+        valid(number, index, ray);
       } else {
         invalid(number);
       }
@@ -90,33 +91,62 @@ struct EngineJob::Slice {
   }
 };
 
-Status EngineJob::push(std::span<const Ray> rays) { return push_all(rays, {}); }
+EngineJob::Pushed EngineJob::Pushed::part(std::size_t first, std::size_t count) const {
+  Pushed some = *this;
+  some.rays = rays.empty() ? rays : rays.subspan(first, count);
+  some.rays64 = rays64.empty() ? rays64 : rays64.subspan(first, count);
+  return some;
+}
+
+inline Ray EngineJob::Pushed::operator[](std::size_t index) const {
+  if (!rays64.empty()) {
+    return round_ray(rays64[index], origin);
+  }
+  return moves ? moved_ray(rays[index], origin) : rays[index];
+}
+
+EngineJob::Pushed EngineJob::pushed(std::span<const Ray> rays, std::span<const Ray64> rays64) const {
+  const storage::Origin origin = job_->config.relative ? storage::Origin() : tracer_->file().header().origin();
+  return {rays, rays64, origin.position(), !origin.is_zero()};
+}
+
+Status EngineJob::push(std::span<const Ray> rays) { return push_all(pushed(rays, {}), {}); }
 
 Status EngineJob::push_with(std::span<const Ray> rays, const RayExtras& extras) {
-  const auto check = [&](std::size_t count, bool asked, const char* what) -> Status {
+  RAYMILL_RETURN_IF_ERROR(check(extras, rays.size()));
+  return push_all(pushed(rays, {}), extras);
+}
+
+Status EngineJob::push64(std::span<const Ray64> rays, const RayExtras& extras) {
+  RAYMILL_RETURN_IF_ERROR(check(extras, rays.size()));
+  return push_all(pushed({}, rays), extras);
+}
+
+Status EngineJob::check(const RayExtras& extras, std::size_t rays) const {
+  const auto check_one = [&](std::size_t count, bool asked, const char* what) -> Status {
     if (count > 0 && !asked) {
       return {ErrorCode::invalid_argument,
               std::string("the job was not asked for rays with ") + what + " (TraceConfig)"};
     }
-    if (count > 0 && count != rays.size()) {
-      return {ErrorCode::invalid_argument, std::to_string(rays.size()) + " rays with " + std::to_string(count) + " " +
-                                               what + "; each ray takes one"};
+    if (count > 0 && count != rays) {
+      return {ErrorCode::invalid_argument,
+              std::to_string(rays) + " rays with " + std::to_string(count) + " " + what + "; each ray takes one"};
     }
     return {};
   };
-  RAYMILL_RETURN_IF_ERROR(check(extras.skipped.size(), job_->config.skips, "primitives to skip"));
-  RAYMILL_RETURN_IF_ERROR(check(extras.masks.size(), job_->config.masks, "masks"));
-  return push_all(rays, extras);
+  RAYMILL_RETURN_IF_ERROR(check_one(extras.skipped.size(), job_->config.skips, "primitives to skip"));
+  return check_one(extras.masks.size(), job_->config.masks, "masks");
 }
 
-Status EngineJob::push_all(std::span<const Ray> rays, const RayExtras& extras) {
+Status EngineJob::push_all(const Pushed& rays, const RayExtras& extras) {
   const IeeeScope ieee;
   for (std::size_t at = 0; at < rays.size();) {
-    RAYMILL_ASSIGN_OR_RETURN(Numbered some, take_in(rays.subspan(at)));
+    RAYMILL_ASSIGN_OR_RETURN(Numbered some, take_in(rays.part(at, rays.size() - at)));
     some.extras.skipped = extras.skipped.subspan(extras.skipped.empty() ? 0 : at);
     some.extras.masks = extras.masks.subspan(extras.masks.empty() ? 0 : at);
-    const bool sorted = tracer_->sorts(some.rays);
-    const auto order = sorted ? order_.sort(some.rays) : std::span<const std::uint32_t>();
+    // Those of float64 come as they are; where they lie in the world orders the others as well as where they are taken.
+    const bool sorted = some.rays.rays64.empty() && tracer_->sorts(some.rays.rays);
+    const auto order = sorted ? order_.sort(some.rays.rays) : std::span<const std::uint32_t>();
     for (std::size_t first = 0; first < some.rays.size(); first += kPieceRays) {
       RAYMILL_RETURN_IF_ERROR(push_slice({some, order, first, std::min(kPieceRays, some.rays.size() - first)}));
     }
@@ -127,7 +157,7 @@ Status EngineJob::push_all(std::span<const Ray> rays, const RayExtras& extras) {
 
 // Waits until a ray more may be in flight and has a number, and gives as many as may be their numbers. Once there are
 // as many as may be, it waits until there is place for many: rays are taken in by the many, as pages are read for many.
-Result<EngineJob::Numbered> EngineJob::take_in(std::span<const Ray> rays) {
+Result<EngineJob::Numbered> EngineJob::take_in(const Pushed& rays) {
   std::unique_lock lock(tracer_->mutex_);
   if (job_->finished) {
     return {ErrorCode::invalid_argument, "rays were pushed after finish()"};
@@ -148,7 +178,7 @@ Result<EngineJob::Numbered> EngineJob::take_in(std::span<const Ray> rays) {
       if (job_->rays_pushed == 0) {
         job_->first_push = TraceJob::Clock::now();
       }
-      const Numbered taken{rays.first(count), {}, window.next_number()};
+      const Numbered taken{rays.part(0, count), {}, window.next_number()};
       window.add(static_cast<std::uint32_t>(count));
       return taken;
     }
@@ -196,9 +226,9 @@ Status EngineJob::push_fresh(const Slice& slice, std::unique_lock<std::mutex>& l
   FreshRays::Block* block = job_->fresh->take();
   lock.unlock();
   slice.each(
-      [&](std::uint32_t number, std::uint32_t index) {
+      [&](std::uint32_t number, std::uint32_t index, const Ray& ray) {
         block->numbers[block->count] = number;
-        block->rays[block->count] = slice.some.rays[index];
+        block->rays[block->count] = ray;
         if (block->skipped != nullptr) {
           block->skipped[block->count] = slice.some.skipped(index);
         }
@@ -240,8 +270,7 @@ std::uint32_t EngineJob::pack(const Slice& slice) {
   std::size_t at = 0;
   std::uint32_t valid = 0;
   slice.each(
-      [&](std::uint32_t number, std::uint32_t index) {
-        const Ray& ray = slice.some.rays[index];
+      [&](std::uint32_t number, std::uint32_t index, const Ray& ray) {
         RayState state;
         state.org = ray.org;
         state.dir = ray.dir;

@@ -22,6 +22,7 @@ class EngineJob final : public Job {
 
   Status push(std::span<const Ray> rays) override;
   Status push_with(std::span<const Ray> rays, const RayExtras& extras) override;
+  Status push64(std::span<const Ray64> rays, const RayExtras& extras) override;
   Status finish() override;
   std::optional<HitChunk> next() override;
   [[nodiscard]] Status status() const override;
@@ -31,9 +32,20 @@ class EngineJob final : public Job {
 
  private:
   class ChunkOwner;
+  /// Rays as they are pushed, in one of two types, and how they come into the store's space.
+  struct Pushed {
+    std::span<const Ray> rays;
+    std::span<const Ray64> rays64;
+    std::array<double, 3> origin{};
+    bool moves = false;  // the origin is not zero
+
+    [[nodiscard]] std::size_t size() const { return rays.size() + rays64.size(); }
+    [[nodiscard]] Pushed part(std::size_t first, std::size_t count) const;
+    [[nodiscard]] Ray operator[](std::size_t index) const;
+  };
   /// Rays whose numbers follow each other.
   struct Numbered {
-    std::span<const Ray> rays;
+    Pushed rays;
     RayExtras extras;  // of these rays, and more after them
     std::uint32_t first_number = 0;
 
@@ -45,8 +57,10 @@ class EngineJob final : public Job {
     }
   };
   struct Slice;
-  Status push_all(std::span<const Ray> rays, const RayExtras& extras);
-  Result<Numbered> take_in(std::span<const Ray> rays);
+  [[nodiscard]] Pushed pushed(std::span<const Ray> rays, std::span<const Ray64> rays64) const;
+  [[nodiscard]] Status check(const RayExtras& extras, std::size_t rays) const;
+  Status push_all(const Pushed& rays, const RayExtras& extras);
+  Result<Numbered> take_in(const Pushed& rays);
   [[nodiscard]] bool has_room() const;
   Status make_room(std::unique_lock<std::mutex>& lock);
   Status push_slice(const Slice& slice);

@@ -85,6 +85,16 @@ struct Ray {
 };
 static_assert(sizeof(Ray) == 32 && std::is_trivially_copyable_v<Ray>);
 
+/// The same in float64. It is traced as a Ray, so what it gives is where it begins: org is taken relative to the
+/// store's origin before it is rounded (traversal/ray_rounding.h).
+struct Ray64 {
+  std::array<double, 3> org{};
+  double tnear = 0;
+  std::array<double, 3> dir{};
+  double tfar = std::numeric_limits<double>::infinity();
+};
+static_assert(sizeof(Ray64) == 64 && std::is_trivially_copyable_v<Ray64>);
+
 /// Names a primitive.
 struct PrimitiveIds {
   std::uint32_t geometry_id = kNoId;

@@ -31,6 +31,7 @@ struct TraceConfig {
   bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_with)
   bool masks = false;                    ///< each ray brings a mask (Job::push_with)
   std::uint32_t mask = kAllMask;         ///< of every ray, besides
+  bool relative = false;                 ///< rays are given relative to StoreInfo::origin, not in world space
   /// [geometry_id]; a triangle is a hit where a bit is set in its geometry's mask and in those of the ray. None, or too
   /// short for an id: all bits. The caller's memory: what is there before an Engine is made counts.
   std::shared_ptr<const std::vector<std::uint32_t>> geometry_masks = {};
@@ -142,6 +143,13 @@ class Job {
   virtual Status push_with(std::span<const Ray> /*rays*/, const RayExtras& /*extras*/) {
     return {ErrorCode::unsupported, "this job takes no rays that bring primitives or masks"};
   }
+  /// The same for rays of float64, with or without extras; the job may be pushed rays of both kinds. Errors: as
+  /// push_with().
+  virtual Status push64(std::span<const Ray64> /*rays*/, const RayExtras& /*extras*/ = {}) {
+    return {ErrorCode::unsupported,
+            "a server takes no rays of float64; round them relative to StoreInfo::origin and ask for "
+            "TraceConfig::relative"};
+  }
   /// Says that no more rays come.
   virtual Status finish() = 0;
   /// The next chunk in the rays' order; waits for it. A chunk comes when it is full or after finish(), so a caller with
@@ -159,7 +167,8 @@ struct StoreInfo {
   std::string name;
   std::uint32_t format_version = 0;
   std::vector<std::string> features;
-  std::array<float, 3> bounds_min{};
+  std::array<double, 3> origin{};     ///< of the store's space, in the world; exact
+  std::array<float, 3> bounds_min{};  ///< relative to the origin
   std::array<float, 3> bounds_max{};
   std::uint64_t triangles = 0;  ///< stored; those of an object once
   std::uint64_t instances = 0;
@@ -184,6 +193,11 @@ class Store {
   virtual ~Store() = default;
   /// Reads the metadata too; costs time and memory in proportion to the number of geometries.
   [[nodiscard]] virtual Result<StoreInfo> info() const = 0;
+  /// StoreInfo::origin alone; an Engine reads no metadata for it. Errors: those of info().
+  [[nodiscard]] virtual Result<std::array<double, 3>> origin() const {
+    Result<StoreInfo> described = info();
+    return described ? Result<std::array<double, 3>>(described->origin) : described.status();
+  }
   /// Starts a job. Errors: invalid_argument, budget_exceeded, busy_retry (too many jobs at once).
   virtual Result<std::unique_ptr<Job>> trace(const TraceConfig& config) = 0;
 };

@@ -66,6 +66,12 @@ class RayReader {
   explicit RayReader(const RowFile<Ray>& made) : made_(made) {}
   explicit RayReader(RayFileReader file) : file_(std::move(file)), buffer_(kReadRays) {}
 
+  /// Of a file's rays; those that were made are relative to it already.
+  void set_origin(const std::array<double, 3>& origin) {
+    if (file_) {
+      file_->set_origin(origin);
+    }
+  }
   void rewind() {
     if (made_) {
       made_->rewind();
@@ -200,10 +206,17 @@ class Accuracy {
     return {};
   }
 
-  // Ids are compared, so the stores must number the same geometries.
+  // Ids are compared, so the stores must number the same geometries; and rays, so they must lie alike.
   Status same_scene(const StoreInfo& info) {
     if (settings_.empty()) {
       geometries_ = info.geometries;
+      origin_ = info.origin;
+      pushed_->set_origin(origin_);
+      seen_->set_origin(origin_);
+    }
+    if (info.origin != origin_) {
+      return {ErrorCode::invalid_argument,
+              info.name + " has another origin than " + options_.stores[0] + "; build both with the same --origin"};
     }
     if (info.geometries == geometries_) {
       return {};
@@ -245,7 +258,8 @@ class Accuracy {
       }
       return {};
     };
-    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats, trace(store, {.mode = setting.mode, .fields = fields}, sink));
+    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats,
+                             trace(store, {.mode = setting.mode, .fields = fields, .relative = true}, sink));
     RAYMILL_RETURN_IF_ERROR(is_truth ? truth_.finish() : Status());
     RAYMILL_RETURN_IF_ERROR(is_own_oracle ? inside_->finish() : Status());
     setting.bytes_read = stats.bytes_read - bytes_before_;
@@ -255,8 +269,8 @@ class Accuracy {
 
   Status time(Store& store, Setting& setting) {
     const auto drop = [](const HitChunk&) { return Status(); };
-    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats,
-                             trace(store, {.mode = setting.mode, .fields = Field::t | Field::ids}, drop));
+    const TraceConfig config{.mode = setting.mode, .fields = Field::t | Field::ids, .relative = true};
+    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats, trace(store, config, drop));
     setting.mega_rays_per_second.push_back(static_cast<double>(count_) / 1e6 / std::max(stats.trace_seconds, 1e-9));
     return {};
   }
@@ -286,6 +300,7 @@ class Accuracy {
   std::optional<RayReader> pushed_, seen_;       // by the thread that pushes, and by the one that looks at hits
   std::uint64_t count_ = 0;
   std::uint64_t geometries_ = 0;
+  std::array<double, 3> origin_{};
   std::uint64_t bytes_before_ = 0;
   std::vector<Setting> settings_;
   JobStats stats_;  // of the last job

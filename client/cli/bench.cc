@@ -227,8 +227,10 @@ class Bench {
   // Traces rays_ once; returns the seconds from the first push to the last hit.
   Result<double> trace(RayKind kind) {
     const Query query = query_of(kind);
-    const TraceConfig config{
-        .query = query, .mode = options_.mode, .fields = query == Query::any ? Field::t : kDefaultClosestFields};
+    const TraceConfig config{.query = query,
+                             .mode = options_.mode,
+                             .fields = query == Query::any ? Field::t : kDefaultClosestFields,
+                             .relative = true};
     RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, open_.store->trace(config));
     std::size_t row = 0;
     BatchTimes times;

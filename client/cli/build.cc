@@ -90,6 +90,11 @@ Verb add_build(CLI::App& app) {
                    "float32 (exact), lattice:STEP (scene units, rounded down to a power of two) or lattice:BITSb")
       ->type_name("KIND")
       ->capture_default_str();
+  verb->add_option("--origin", options->config.origin,
+                   "What positions are kept relative to: auto (the middle of the first scene where that lies far out), "
+                   "none (the world's zero) or X,Y,Z")
+      ->type_name("POINT")
+      ->capture_default_str();
   verb->add_option("--codec", options->config.codec, "raw, lz4, zstd, or draco (smallest, needs a lattice)")
       ->type_name("NAME")
       ->capture_default_str();

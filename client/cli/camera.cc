@@ -103,7 +103,7 @@ Camera framed(const std::array<float, 3>& lower, const std::array<float, 3>& upp
   return camera;
 }
 
-Result<std::vector<NamedCamera>> scene_cameras(const std::string& metadata_json) {
+Result<std::vector<NamedCamera>> scene_cameras(const std::string& metadata_json, const Vector& zero) {
   using nlohmann::json;
   // Geometries can be millions: only the cameras are kept while parsing.
   const auto keep = [](int depth, json::parse_event_t event, json& value) {
@@ -121,7 +121,7 @@ Result<std::vector<NamedCamera>> scene_cameras(const std::string& metadata_json)
         continue;
       }
       NamedCamera named{.name = entry.value("name", ""), .camera = {}};
-      named.camera.origin = {matrix[12], matrix[13], matrix[14]};
+      named.camera.origin = Vector{matrix[12], matrix[13], matrix[14]} - zero;
       named.camera.perspective = entry.value("perspective", true);
       const double height =
           named.camera.perspective ? std::tan(entry.value("yfov_radians", 0.0) / 2) : entry.value("ymag", 0.0);
@@ -141,7 +141,7 @@ Result<Camera> choose_camera(const std::string& text, const StoreInfo& info, Ext
   if (text == "frame") {
     return framed(info.bounds_min, info.bounds_max, extent);
   }
-  RAYMILL_ASSIGN_OR_RETURN(const std::vector<NamedCamera> cameras, scene_cameras(info.metadata_json));
+  RAYMILL_ASSIGN_OR_RETURN(const std::vector<NamedCamera> cameras, scene_cameras(info.metadata_json, info.origin));
   if (text.empty()) {
     return cameras.empty() ? framed(info.bounds_min, info.bounds_max, extent) : cameras.front().camera;
   }
@@ -158,7 +158,8 @@ Result<Camera> choose_camera(const std::string& text, const StoreInfo& info, Ext
   if (const auto numbers = parse_numbers(text); numbers && (numbers->size() == 6 || numbers->size() == 7)) {
     const std::vector<double>& n = *numbers;
     const double fov_degrees = n.size() == 7 ? n[6] : kDefaultFovDegrees;
-    return look_at({n[0], n[1], n[2]}, {n[3], n[4], n[5]}, fov_degrees * std::numbers::pi / 180);
+    return look_at(Vector{n[0], n[1], n[2]} - info.origin, Vector{n[3], n[4], n[5]} - info.origin,
+                   fov_degrees * std::numbers::pi / 180);
   }
   std::string names;
   for (std::size_t i = 0; i < std::min(cameras.size(), kMaxNamesInMessage); ++i) {

@@ -14,6 +14,7 @@ namespace raymill::client {
 
 using Vector = std::array<double, 3>;
 
+/// In the space of a store, whose zero is StoreInfo::origin.
 struct Camera {
   Vector origin{};
   Vector right{1, 0, 0};
@@ -36,12 +37,13 @@ struct NamedCamera {
   std::string name;
   Camera camera;
 };
-/// The cameras of StoreInfo::metadata_json, in file order; those with a matrix that cannot be used are left out.
-Result<std::vector<NamedCamera>> scene_cameras(const std::string& metadata_json);
+/// The cameras of StoreInfo::metadata_json, in file order, relative to `zero`; those with a matrix that cannot be used
+/// are left out.
+Result<std::vector<NamedCamera>> scene_cameras(const std::string& metadata_json, const Vector& zero = {});
 
 /// What `--camera TEXT` names: the empty text (the scene's first camera, else a framed one), "frame", a name, an index,
-/// or "ox,oy,oz,lx,ly,lz[,fov]" (position, point looked at, vertical field of view in degrees, 40 where left out).
-/// Errors: invalid_argument, with the names there are.
+/// or "ox,oy,oz,lx,ly,lz[,fov]" in world space (position, point looked at, vertical field of view in degrees, 40 where
+/// left out). Errors: invalid_argument, with the names there are.
 Result<Camera> choose_camera(const std::string& text, const StoreInfo& info, Extent extent);
 
 }  // namespace raymill::client

@@ -46,6 +46,12 @@ Status submit(JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
+  if (reader.is_wide()) {
+    RAYMILL_ASSIGN_OR_RETURN(const auto store, client->open(options.store));
+    RAYMILL_ASSIGN_OR_RETURN(const auto origin, store->origin());
+    reader.set_origin(origin);
+    options.query.config.relative = origin != std::array<double, 3>{};
+  }
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
   std::uint64_t sent = 0;

@@ -8,7 +8,7 @@
 
 #include "client/cli/npy.h"
 #include "client/cli/random.h"
-#include "client/cli/ray_rounding.h"
+#include "traversal/ray_rounding.h"
 
 namespace raymill::client {
 
@@ -16,15 +16,19 @@ namespace {
 
 constexpr std::size_t kBufferBytes = 64 << 10;
 
-Ray ray_of(const std::array<float, 8>& v) {
-  return {.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]};
+using Origin = std::array<double, 3>;
+
+Ray ray_of(const std::array<float, 8>& v, const Origin& origin) {
+  const Ray ray{.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]};
+  return origin == Origin{} ? ray : traversal::moved_ray(ray, origin);
 }
-Ray ray_of(const std::array<double, 8>& v) {
-  return round_ray({.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]});
+Ray ray_of(const std::array<double, 8>& v, const Origin& origin) {
+  return traversal::round_ray({.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]},
+                              origin);
 }
 
 template <typename T>
-void convert(std::span<const std::byte> raw, unsigned columns, std::span<Ray> rays) {
+void convert(std::span<const std::byte> raw, unsigned columns, const Origin& origin, std::span<Ray> rays) {
   const std::byte* row = raw.data();
   for (Ray& ray : rays) {
     std::array<T, 8> values;
@@ -34,7 +38,7 @@ void convert(std::span<const std::byte> raw, unsigned columns, std::span<Ray> ra
       values = {values[0], values[1], values[2], 0,
                 values[3], values[4], values[5], std::numeric_limits<T>::infinity()};
     }
-    ray = ray_of(values);
+    ray = ray_of(values, origin);
   }
 }
 
@@ -65,9 +69,9 @@ Result<std::size_t> RayFileReader::read(std::span<Ray> rays) {
     }
     const std::size_t step = raw.size() / (std::size_t{columns_} * value_bytes_);
     if (value_bytes_ == 4) {
-      convert<float>(raw, columns_, rays.subspan(done, step));
+      convert<float>(raw, columns_, origin_, rays.subspan(done, step));
     } else {
-      convert<double>(raw, columns_, rays.subspan(done, step));
+      convert<double>(raw, columns_, origin_, rays.subspan(done, step));
     }
     done += step;
   }
@@ -77,43 +81,64 @@ Result<std::size_t> RayFileReader::read(std::span<Ray> rays) {
 Result<RayFileWriter> RayFileWriter::create(const std::string& path, std::uint64_t count,
                                             const std::uint64_t* shuffle_seed) {
   RAYMILL_ASSIGN_OR_RETURN(storage::AtomicFile file, storage::AtomicFile::create(path));
-  const std::string header = npy_header("'<f4'", count, 8);
-  RAYMILL_RETURN_IF_ERROR(file.write(std::as_bytes(std::span(header))));
   RayFileWriter writer(std::move(file), count);
-  writer.data_offset_ = header.size();
-  writer.buffer_.reserve(kBufferBytes / sizeof(Ray));
+  writer.buffer_.reserve(kBufferBytes);
   writer.shuffled_ = shuffle_seed != nullptr;
   writer.seed_ = shuffle_seed != nullptr ? *shuffle_seed : 0;
   return writer;
 }
 
+Status RayFileWriter::set_origin(const std::array<double, 3>& origin) {
+  assert(data_offset_ == 0);
+  origin_ = origin;
+  return begin();
+}
+
+Status RayFileWriter::begin() {
+  const std::string header = npy_header(is_wide() ? "'<f8'" : "'<f4'", count_, 8);
+  data_offset_ = header.size();
+  return file_.write(std::as_bytes(std::span(header)));
+}
+
 Status RayFileWriter::append(std::span<const Ray> rays) {
   assert(rays.size() <= missing());
-  // Ray already has the file's layout: org, tnear, dir, tfar.
+  if (data_offset_ == 0) {
+    RAYMILL_RETURN_IF_ERROR(begin());
+  }
+  // Ray already has the file's layout: org, tnear, dir, tfar; and so has Ray64.
   static_assert(offsetof(Ray, tnear) == 12 && offsetof(Ray, dir) == 16 && offsetof(Ray, tfar) == 28);
+  static_assert(offsetof(Ray64, tnear) == 24 && offsetof(Ray64, dir) == 32 && offsetof(Ray64, tfar) == 56);
   for (const Ray& ray : rays) {
+    const Ray64 wide{.org = {origin_[0] + ray.org[0], origin_[1] + ray.org[1], origin_[2] + ray.org[2]},
+                     .tnear = ray.tnear,
+                     .dir = {ray.dir[0], ray.dir[1], ray.dir[2]},
+                     .tfar = ray.tfar};
+    const auto row = is_wide() ? std::as_bytes(std::span(&wide, 1)) : std::as_bytes(std::span(&ray, 1));
     if (!shuffled_) {
-      buffer_.push_back(ray);
+      buffer_.insert(buffer_.end(), row.begin(), row.end());
       ++written_;
-      if (buffer_.size() == kBufferBytes / sizeof(Ray)) {
+      if (buffer_.size() == kBufferBytes) {
         RAYMILL_RETURN_IF_ERROR(flush());
       }
       continue;
     }
     const std::uint64_t place = permute(written_++, count_, seed_);
-    RAYMILL_RETURN_IF_ERROR(file_.pwrite(std::as_bytes(std::span(&ray, 1)), data_offset_ + place * sizeof(Ray)));
+    RAYMILL_RETURN_IF_ERROR(file_.pwrite(row, data_offset_ + place * row.size()));
   }
   return {};
 }
 
 Status RayFileWriter::flush() {
-  const Status status = file_.write(std::as_bytes(std::span(buffer_)));
+  const Status status = file_.write(buffer_);
   buffer_.clear();
   return status;
 }
 
 Status RayFileWriter::commit() {
   assert(missing() == 0);
+  if (data_offset_ == 0) {
+    RAYMILL_RETURN_IF_ERROR(begin());
+  }
   RAYMILL_RETURN_IF_ERROR(flush());
   return file_.commit();
 }

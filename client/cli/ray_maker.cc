@@ -123,7 +123,7 @@ Status RayMaker::make_direct(std::span<Ray> buffer, const Sink& sink, const Obse
 // Rays that leave the hits of primary rays: passes over the picture until there are enough.
 Status RayMaker::make_secondary(Store& store, std::span<Ray> buffer, const Sink& sink, const Observer& observer,
                                 RunStats& stats) const {
-  const TraceConfig config{.fields = Field::t | Field::normal};
+  const TraceConfig config{.fields = Field::t | Field::normal, .relative = true};
   std::uint64_t missing = order_.count;
   for (std::uint64_t pass = 0; missing > 0; ++pass) {
     RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, store.trace(config));

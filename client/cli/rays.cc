@@ -48,6 +48,7 @@ Status run(const RaysOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(StoreInfo info, open.store->info());
   RAYMILL_ASSIGN_OR_RETURN(const Camera camera, choose_camera(options.camera, info, picture_of(options.order.count)));
   info.metadata_json = std::string();  // can be large, and is not needed any more
+  RAYMILL_RETURN_IF_ERROR(writer.set_origin(info.origin));
   const RayMaker maker(options.order, info, camera);
   std::optional<Progress> progress(style);
   RunStats stats;
@@ -76,7 +77,9 @@ Verb add_rays(CLI::App& app) {
       "(the same without an end), shadow (from the primary hits to a light above, tfar 1), random (segments between\n"
       "two uniform points of the bounds, tfar 1). Origins of ao, bounce and shadow lie off the surface by 2^-18 of "
       "the\n"
-      "largest coordinate or distance they come from. (N, 8) float32; the same seed gives the same rays.\n\n"
+      "largest coordinate or distance they come from. (N, 8) float32, or float64 where the store has an origin; the "
+      "same\n"
+      "seed gives the same rays.\n\n"
       "  raymill rays city.mill --kind bounce --count 10M -o bounce.npy --shuffle");
   verb->add_option("STORE", options->store, "The store")->required()->type_name("X.mill");
   add_parsed(*verb, "--kind", options->order.kind, parse_ray_kind, "primary, ao, bounce, random or shadow", "KIND")

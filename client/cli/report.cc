@@ -35,6 +35,19 @@ std::string point(const std::array<float, 3>& p) {
   return text;
 }
 
+// With as many digits as tell millimetres from each other far out.
+std::string point(const std::array<double, 3>& p) {
+  char text[96];
+  std::snprintf(text, sizeof text, "(%.13g, %.13g, %.13g)", p[0], p[1], p[2]);
+  return text;
+}
+
+bool has_origin(const StoreInfo& info) { return info.origin != std::array<double, 3>{}; }
+
+std::array<double, 3> in_world(const StoreInfo& info, const std::array<float, 3>& p) {
+  return {info.origin[0] + p[0], info.origin[1] + p[1], info.origin[2] + p[2]};
+}
+
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) {
@@ -159,6 +172,10 @@ json info_json(const StoreInfo& info, const InfoExtras& extras) {
                  {"layouts", info.layouts},
                  {"kernels", kernels_json(extras.kernels)},
                  {"costs", costs_json(extras.costs)}};
+  if (has_origin(info)) {
+    object["origin"] = info.origin;
+    object["bounds"] = {{"min", in_world(info, info.bounds_min)}, {"max", in_world(info, info.bounds_max)}};
+  }
   const json metadata = parsed(info.metadata_json);
   for (const char* key : {"import", "geometries", "cameras"}) {
     object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
@@ -174,7 +191,10 @@ std::string info_text(const StoreInfo& info, const InfoExtras& extras) {
   std::string text =
       line("format", std::to_string(info.format_version)) +
       line("features", info.features.empty() ? "none" : joined(info.features)) +
-      line("bounds", point(info.bounds_min) + " to " + point(info.bounds_max)) +
+      (has_origin(info)
+           ? line("origin", point(info.origin)) + line("bounds", point(in_world(info, info.bounds_min)) + " to " +
+                                                                     point(in_world(info, info.bounds_max)))
+           : line("bounds", point(info.bounds_min) + " to " + point(info.bounds_max))) +
       line("triangles", std::to_string(info.triangles) + " in " + std::to_string(info.geometries) + " geometries") +
       (info.instances > 0
            ? line("instances", std::to_string(info.instances) + " of " + std::to_string(info.objects) + " objects")
@@ -229,6 +249,7 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"bricks", report.bricks},
       {"sah_cost", report.sah_cost},
       {"max_displacement", report.max_displacement},
+      {"origin", report.origin},
       {"seconds",
        {{"import", report.import_seconds}, {"partition", report.partition_seconds}, {"build", report.build_seconds}}},
       {"triangles_per_second", double(report.triangles) / std::max(build_seconds(report), 1e-9)},
@@ -255,6 +276,9 @@ std::string build_text(const BuildReport& report, const std::string& output) {
                      "\n";
   if (report.volumes > 0) {
     text += std::to_string(report.volumes) + " volumes of " + std::to_string(report.bricks) + " bricks\n";
+  }
+  if (report.origin != std::array<double, 3>{}) {
+    text += "positions are kept relative to " + point(report.origin) + "\n";
   }
   if (report.max_displacement > 0) {
     text += formatted("largest displacement of a vertex: %g scene units\n", report.max_displacement);

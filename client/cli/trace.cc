@@ -124,6 +124,11 @@ Status run(TraceOptions& options) {
   Answers answers;
   RAYMILL_RETURN_IF_ERROR(answers.create(options, reader.count()));
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
+  if (reader.is_wide()) {
+    RAYMILL_ASSIGN_OR_RETURN(const auto origin, open.store->origin());
+    reader.set_origin(origin);
+    options.query.config.relative = origin != std::array<double, 3>{};
+  }
   if (options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
     RAYMILL_RETURN_IF_ERROR(answers.resume(options, reader.count(), run_of(options, reader, columns, info)));
@@ -191,6 +196,8 @@ Verb add_trace(CLI::App& app) {
       "(N, 8): org, tnear, dir, tfar. t counts in lengths of dir; a hit has tnear <= t <= tfar. Of float64, org and "
       "dir\n"
       "are rounded to the nearest float32, tnear up and tfar down, so that a hit lies in the interval of the file.\n"
+      "Rays are in world space. Where the store has an origin (raymill info), org is taken relative to it in float64\n"
+      "before it is rounded, so write rays of float64 where the scene lies far out.\n"
       "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
       "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any size.\n"
       "--query count: a plain .npy of N uint32; 4294967295 for an invalid ray. --query transmittance: one of N "

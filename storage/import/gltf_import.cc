@@ -1,7 +1,11 @@
 #include <algorithm>
+#include <array>
+#include <functional>
 #include <iterator>
+#include <optional>
 #include <utility>
 
+#include "storage/import/extent.h"
 #include "storage/import/gltf_buffers.h"
 #include "storage/import/gltf_container.h"
 #include "storage/import/gltf_document.h"
@@ -39,7 +43,7 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
                     ImportReport& report, bool& sink_failed) {
   RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
   RAYMILL_ASSIGN_OR_RETURN(GltfDocument document, GltfDocument::load(file.bytes, container, ledger));
-  RAYMILL_ASSIGN_OR_RETURN(const GltfScene scene, place_nodes(document.model(), options.scene, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(GltfScene scene, place_nodes(document.model(), options.scene, ledger));
   RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
                            ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
   if (document.meshopt_views() != 0) {
@@ -49,11 +53,57 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
   note_extensions(document.ignored_extensions(), report);
   std::vector<CameraInfo> cameras = placed_cameras(document.model(), scene);
   std::move(cameras.begin(), cameras.end(), std::back_inserter(report.cameras));
+  for (PlacedNode& placed : scene.nodes) {
+    placed.world_from_node.move_back(options.origin);
+  }
 
   TriangleWriter writer(sink, report);
   Status status = import_nodes({document, buffers, ledger, writer, report}, scene, file.name, options);
   sink_failed = writer.sink_failed();
   return status;
+}
+
+std::array<double, 3> translation_of(const Transform& transform) {
+  return {transform.m[12], transform.m[13], transform.m[14]};
+}
+
+// Where the scene's meshes are put. Nodes that hold none are taken out.
+Extent places_of_meshes(const tinygltf::Model& model, GltfScene& scene) {
+  std::erase_if(scene.nodes,
+                [&](const PlacedNode& placed) { return model.nodes[static_cast<std::size_t>(placed.node)].mesh < 0; });
+  Extent places;
+  for (const PlacedNode& placed : scene.nodes) {
+    places.grow(translation_of(placed.world_from_node));
+  }
+  return places;
+}
+
+Result<Extent> extent_of(const SceneFile& file, std::optional<std::uint32_t> scene_index, Ledger& ledger,
+                         const std::function<Status()>& keep_going, bool& stopped) {
+  RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
+  RAYMILL_ASSIGN_OR_RETURN(GltfDocument document, GltfDocument::load(file.bytes, container, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(GltfScene scene, place_nodes(document.model(), scene_index, ledger));
+  Extent extent = places_of_meshes(document.model(), scene);
+  if (!extent.is_far()) {
+    return Extent();
+  }
+  RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
+                           ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
+  GltfBuffers buffers(file.bytes, container.binary, file.folder, document.take_buffers(), ledger);
+  scene.nodes.resize(1);
+  const std::array<double, 3> origin = translation_of(scene.nodes[0].world_from_node);
+  scene.nodes[0].world_from_node.move_back(origin);
+  ExtentSink sink(origin, keep_going);
+  ImportReport unused;
+  TriangleWriter writer(sink, unused);
+  const Status status = import_nodes({document, buffers, ledger, writer, unused}, scene, file.name, {});
+  stopped = writer.sink_failed();
+  RAYMILL_RETURN_IF_ERROR(status);
+  if (!sink.extent().empty()) {
+    extent.grow(sink.extent().lower);
+    extent.grow(sink.extent().upper);
+  }
+  return extent;
 }
 
 // Puts the file's name before an error of the import; the sink's errors pass as they are.
@@ -64,16 +114,29 @@ Status import_file(const SceneFile& file, const ImportOptions& options, Ledger& 
   return status.ok() || sink_failed ? status : in_context(file.name, status);
 }
 
-}  // namespace
-
-Status import_gltf(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
-                   ImportReport& report) {
+Result<SceneFile> open_scene(const std::string& path) {
   SceneFile file;
   file.name = path;
   RAYMILL_ASSIGN_OR_RETURN(file.bytes, ByteSource::open(path));
   const std::size_t slash = path.find_last_of('/');
   file.folder = slash == std::string::npos ? std::string() : path.substr(0, slash + 1);
+  return file;
+}
+
+}  // namespace
+
+Status import_gltf(const std::string& path, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
+                   ImportReport& report) {
+  RAYMILL_ASSIGN_OR_RETURN(const SceneFile file, open_scene(path));
   return import_file(file, options, ledger, sink, report);
+}
+
+Result<Extent> gltf_extent(const std::string& path, std::optional<std::uint32_t> scene, Ledger& ledger,
+                           const std::function<Status()>& keep_going) {
+  RAYMILL_ASSIGN_OR_RETURN(const SceneFile file, open_scene(path));
+  bool stopped = false;
+  Result<Extent> extent = extent_of(file, scene, ledger, keep_going, stopped);
+  return extent.ok() || stopped ? extent : in_context(path, extent.status());
 }
 
 Status import_gltf_memory(std::span<const std::byte> bytes, const std::string& name, const ImportOptions& options,

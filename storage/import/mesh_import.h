@@ -17,6 +17,7 @@ struct MeshImport {
   Ledger& ledger;
   TriangleWriter& out;
   ImportReport& report;
+  std::array<double, 3> origin{};  ///< subtracted from every position
 };
 
 /// Longest name of a node or mesh that is taken from a file; what is longer is cut.

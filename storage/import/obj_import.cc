@@ -49,7 +49,7 @@ class ObjImport {
       Vec3f position;
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = text.word();
-        if (!parse_float(word, position[axis])) {
+        if (!parse_coordinate(word, import_.origin[axis], position[axis])) {
           return on_line(text, bad_number("a coordinate", word));
         }
       }

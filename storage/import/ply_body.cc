@@ -88,7 +88,8 @@ class BinaryBody final : public PlyBody {
 // Rows end where their numbers do, lines say nothing: so do the readers of others.
 class TextBody final : public PlyBody {
  public:
-  TextBody(const ByteSource& file, const PlyHeader& header) : text_(file, header.body_offset, {}) {}
+  TextBody(const ByteSource& file, const PlyHeader& header, Reals reals)
+      : text_(file, header.body_offset, {}), reals_(reals) {}
 
   Status read(PlyType type, std::span<double> out) override {
     for (double& value : out) {
@@ -120,7 +121,10 @@ class TextBody final : public PlyBody {
     value = static_cast<double>(number);
     return good;
   }
-  static bool parse_real(std::string_view word, double& value) {
+  [[nodiscard]] bool parse_real(std::string_view word, double& value) const {
+    if (reals_ == Reals::float64) {
+      return parse_double(word, value);
+    }
     float number = 0;
     const bool good = parse_float(word, number);
     value = number;
@@ -128,13 +132,14 @@ class TextBody final : public PlyBody {
   }
 
   TextReader text_;
+  const Reals reals_;
 };
 
 }  // namespace
 
-std::unique_ptr<PlyBody> PlyBody::open(const ByteSource& file, const PlyHeader& header) {
+std::unique_ptr<PlyBody> PlyBody::open(const ByteSource& file, const PlyHeader& header, Reals reals) {
   if (header.encoding == PlyEncoding::text) {
-    return std::make_unique<TextBody>(file, header);
+    return std::make_unique<TextBody>(file, header, reals);
   }
   return std::make_unique<BinaryBody>(file, header);
 }

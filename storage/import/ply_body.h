@@ -11,8 +11,11 @@ namespace raymill::storage {
 
 class PlyBody {
  public:
+  /// How a text's numbers come: rounded once to float32, or to float64.
+  enum class Reals : std::uint8_t { float32, float64 };
+
   /// Starts behind the header; `file` outlives the body.
-  static std::unique_ptr<PlyBody> open(const ByteSource& file, const PlyHeader& header);
+  static std::unique_ptr<PlyBody> open(const ByteSource& file, const PlyHeader& header, Reals reals);
   virtual ~PlyBody() = default;
 
   /// The next numbers. A text's number beyond float32 comes as round_once() has it, its whole numbers up to 2^53 as

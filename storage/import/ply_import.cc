@@ -41,7 +41,7 @@ class PlyImport {
       return only_points(vertex->count);
     }
     RAYMILL_ASSIGN_OR_RETURN(const BudgetReservation scratch, import_.ledger.claim(Tag::build, kPlyScratchBytes));
-    body_ = PlyBody::open(import_.file, header_);
+    body_ = open_body();
     for (auto element = elements.begin(); element != vertex; ++element) {
       RAYMILL_RETURN_IF_ERROR(skip_element(*element));
     }
@@ -49,7 +49,7 @@ class PlyImport {
     // Faces that stand before the vertices are read when these are known, in a second pass.
     auto element = vertex + 1;
     if (std::any_of(elements.begin(), vertex, full)) {
-      body_ = PlyBody::open(import_.file, header_);
+      body_ = open_body();
       element = elements.begin();
     }
     RAYMILL_RETURN_IF_ERROR(begin_geometry(import_, 0, "node0", "mesh0"));
@@ -60,6 +60,11 @@ class PlyImport {
   }
 
  private:
+  [[nodiscard]] std::unique_ptr<PlyBody> open_body() const {
+    const bool moved = import_.origin != std::array<double, 3>{};
+    return PlyBody::open(import_.file, header_, moved ? PlyBody::Reals::float64 : PlyBody::Reals::float32);
+  }
+
   Status find_positions(const PlyElement& vertex) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::string_view name = std::string_view("xyz").substr(axis, 1);
@@ -144,7 +149,8 @@ class PlyImport {
         RAYMILL_RETURN_IF_ERROR(body_->read(property.type, std::span(coordinates[axis - positions_.begin()], 1)));
       }
       if (&property == &vertex.properties.back()) {
-        vertices_.push_back(round_once(position));
+        const auto& origin = import_.origin;
+        vertices_.push_back(round_once({position.x - origin[0], position.y - origin[1], position.z - origin[2]}));
       }
       return {};
     });

@@ -40,7 +40,7 @@ Status import_mesh(SceneFormat format, const ByteSource& file, const std::string
     return in_context(name, scratch.status());
   }
   TriangleWriter out(sink, report);
-  Status status = import_mesh_file(format, {file, name, ledger, out, report});
+  Status status = import_mesh_file(format, {file, name, ledger, out, report, options.origin});
   return status.ok() || out.sink_failed() ? status : in_context(name, status);
 }
 

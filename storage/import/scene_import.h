@@ -5,6 +5,7 @@
 // Thread-compatible: one import per call, no shared state.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -137,6 +138,8 @@ struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
   InstanceRule rule = InstanceRule::automatic;
   InstanceSink* instances = nullptr;  ///< none: everything becomes triangles in world space
+  /// Subtracted in float64 from every position before it is rounded, and from where objects are placed. Cameras stay.
+  std::array<double, 3> origin{};
 };
 
 /// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be

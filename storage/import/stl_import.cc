@@ -71,7 +71,7 @@ class StlText {
       RAYMILL_RETURN_IF_ERROR(expect("vertex"));
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = text_.word_of_any_line();
-        if (!parse_float(word, corner[axis])) {
+        if (!parse_coordinate(word, import_.origin[axis], corner[axis])) {
           return fault_at(word, "a number");
         }
       }
@@ -113,6 +113,9 @@ Status import_stl_binary(const MeshImport& import) {
     static_assert(kNormalBytes + sizeof corners + 2 == kStlFacetBytes);
     std::memcpy(&corners, row.data() + kNormalBytes, sizeof corners);
     window.take(kStlFacetBytes);
+    for (Vec3f& corner : corners) {
+      corner = round_once({corner.x - import.origin[0], corner.y - import.origin[1], corner.z - import.origin[2]});
+    }
     RAYMILL_RETURN_IF_ERROR(import.out.add(corners));
   }
   return {};

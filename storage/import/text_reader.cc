@@ -43,19 +43,36 @@ Result<std::uint64_t> text_offset(const ByteSource& file) {
 
 bool parse_float(std::string_view word, float& value) {
   word = without_plus(word);
-  std::errc error = parse_whole(word, value);
+  const std::errc error = parse_whole(word, value);
   if (error != std::errc::result_out_of_range) {
     return error == std::errc();
   }
   // Beyond float32 at one end or the other.
   double wide = 0;
-  error = parse_whole(word, wide);
+  const bool good = parse_double(word, wide);
+  value = round_once(wide);
+  return good;
+}
+
+bool parse_coordinate(std::string_view word, double origin, float& value) {
+  if (origin == 0) {
+    return parse_float(word, value);
+  }
+  double wide = 0;
+  const bool good = parse_double(word, wide);
+  value = round_once(wide - origin);
+  return good;
+}
+
+bool parse_double(std::string_view word, double& value) {
+  word = without_plus(word);
+  const std::errc error = parse_whole(word, value);
   if (error == std::errc::result_out_of_range) {
     const bool tiny = word.find("e-") != std::string_view::npos || word.find("E-") != std::string_view::npos;
-    wide = std::copysign(tiny ? 0 : std::numeric_limits<double>::max(), word[0] == '-' ? -1.0 : 1.0);
+    value = std::copysign(tiny ? 0 : std::numeric_limits<double>::max(), word[0] == '-' ? -1.0 : 1.0);
+    return true;
   }
-  value = round_once(wide);
-  return true;
+  return error == std::errc();
 }
 
 bool parse_integer(std::string_view word, std::int64_t& value) {

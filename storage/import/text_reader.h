@@ -16,6 +16,10 @@ Result<std::uint64_t> text_offset(const ByteSource& file);
 /// A number as C writes it, with a sign, "nan" and "inf" allowed; rounded once to float32. A finite number beyond
 /// float32 becomes the largest one, as round_once() does. False where `word` is anything else.
 bool parse_float(std::string_view word, float& value);
+/// The same, rounded once to float64, whose largest number stands for what is beyond it.
+bool parse_double(std::string_view word, double& value);
+/// parse_float() less `origin`: with an origin it is subtracted in float64, then rounded to float32.
+bool parse_coordinate(std::string_view word, double origin, float& value);
 /// A whole number in decimal. False where `word` is anything else, or beyond 64 bits.
 bool parse_integer(std::string_view word, std::int64_t& value);
 

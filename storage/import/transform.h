@@ -22,6 +22,12 @@ struct Transform {
     return {m[0] * p.x + m[4] * p.y + m[8] * p.z + m[12], m[1] * p.x + m[5] * p.y + m[9] * p.z + m[13],
             m[2] * p.x + m[6] * p.y + m[10] * p.z + m[14]};
   }
+  /// Into a space whose zero is `origin`.
+  void move_back(const std::array<double, 3>& origin) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      m[12 + axis] -= origin[axis];
+    }
+  }
 };
 
 /// The same without the last row.

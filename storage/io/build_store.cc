@@ -12,6 +12,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "storage/base/float_mode.h"
 #include "storage/import/scene_import.h"
 #include "storage/import/transform.h"
 #include "storage/import/triangle_filter.h"
@@ -35,6 +36,7 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
   }
   const tbb::global_control workers(tbb::global_control::max_allowed_parallelism, most_workers(config.threads));
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<StoreBuilder> builder, StoreBuilder::create(config));
+  RAYMILL_RETURN_IF_ERROR(builder->choose_origin());
   for (std::size_t i = 0; i < config.scenes.size(); ++i) {
     builder->set_import_fraction(double(i) / double(config.scenes.size()));
     RAYMILL_ASSIGN_OR_RETURN(const bool holds_volumes, is_vdb(config.scenes[i]));
@@ -42,9 +44,9 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
       RAYMILL_RETURN_IF_ERROR(builder->add_volumes(config.scenes[i]));
       continue;
     }
-    RAYMILL_RETURN_IF_ERROR(import_scene(config.scenes[i],
-                                         {config.scene_index, builder->instance_rule(), builder.get()},
-                                         builder->ledger(), *builder, builder->import_report()));
+    RAYMILL_RETURN_IF_ERROR(import_scene(
+        config.scenes[i], {config.scene_index, builder->instance_rule(), builder.get(), builder->origin().position()},
+        builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }
@@ -56,6 +58,7 @@ Status no_memory() {
 }  // namespace
 
 Result<BuildReport> build(const BuildConfig& config) {
+  const DefaultFloatMode float_mode;
   try {
     return build_scenes(config);
   } catch (const std::bad_alloc&) {
@@ -80,7 +83,8 @@ class StoreWriter::Impl {
     Aabb box;
   };
 
-  Status add(const MeshView& mesh, TriangleWriter& out);
+  /// The mesh's positions are taken relative to `origin`.
+  Status add(const MeshView& mesh, const std::array<double, 3>& origin, TriangleWriter& out);
   Result<std::uint32_t> add_object(std::span<const MeshView> meshes);
   Status place(std::uint32_t object, const Placement& placement);
 
@@ -101,6 +105,7 @@ Result<StoreWriter> StoreWriter::create(const BuildConfig& config) {
   if (!config.scenes.empty() || config.scene_index) {
     return {ErrorCode::invalid_argument, "a StoreWriter reads no scene files; call build() for them"};
   }
+  const DefaultFloatMode float_mode;
   auto impl = std::make_unique<Impl>(config);
   RAYMILL_RETURN_IF_ERROR(impl->open());
   return StoreWriter(std::move(impl));
@@ -112,10 +117,14 @@ Status check(const MeshView& mesh) {
   const auto fault = [&](const std::string& what) {
     return Status(ErrorCode::invalid_argument, "mesh '" + std::string(mesh.name) + "': " + what);
   };
-  if (mesh.positions.size() % 3 != 0) {
-    return fault("positions come in threes, " + std::to_string(mesh.positions.size()) + " were given");
+  if (!mesh.positions.empty() && !mesh.positions64.empty()) {
+    return fault("positions are given in float32 or in float64, not in both");
   }
-  const std::size_t vertices = mesh.positions.size() / 3;
+  const std::size_t numbers = mesh.positions.size() + mesh.positions64.size();
+  if (numbers % 3 != 0) {
+    return fault("positions come in threes, " + std::to_string(numbers) + " were given");
+  }
+  const std::size_t vertices = numbers / 3;
   const std::size_t corners = mesh.indices.empty() ? vertices : mesh.indices.size();
   if (corners % 3 != 0) {
     return fault("triangles have three corners, " + std::to_string(corners) + " were given");
@@ -130,14 +139,21 @@ Status check(const MeshView& mesh) {
 
 }  // namespace
 
-Status StoreWriter::Impl::add(const MeshView& mesh, TriangleWriter& out) {
-  const Transform transform = mesh.world_from_mesh ? Transform{*mesh.world_from_mesh} : Transform();
+Status StoreWriter::Impl::add(const MeshView& mesh, const std::array<double, 3>& origin, TriangleWriter& out) {
+  Transform transform = mesh.world_from_mesh ? Transform{*mesh.world_from_mesh} : Transform();
+  transform.move_back(origin);
+  const bool moves = transform.m != Transform().m;
   const auto corner = [&](std::size_t i) {
-    const std::size_t vertex = mesh.indices.empty() ? i : mesh.indices[i];
-    const Vec3f p{mesh.positions[vertex * 3], mesh.positions[vertex * 3 + 1], mesh.positions[vertex * 3 + 2]};
-    return mesh.world_from_mesh ? round_once(transform.apply({p.x, p.y, p.z})) : p;
+    const std::size_t vertex = 3 * std::size_t{mesh.indices.empty() ? i : mesh.indices[i]};
+    if (!mesh.positions64.empty()) {
+      const double* p = &mesh.positions64[vertex];
+      return round_once(moves ? transform.apply({p[0], p[1], p[2]}) : Vec3d{p[0], p[1], p[2]});
+    }
+    const float* p = &mesh.positions[vertex];
+    return moves ? round_once(transform.apply({p[0], p[1], p[2]})) : Vec3f{p[0], p[1], p[2]};
   };
-  const std::size_t corners = mesh.indices.empty() ? mesh.positions.size() / 3 : mesh.indices.size();
+  const std::size_t vertices = (mesh.positions.size() + mesh.positions64.size()) / 3;
+  const std::size_t corners = mesh.indices.empty() ? vertices : mesh.indices.size();
   for (std::size_t i = 0; i < corners; i += 3) {
     RAYMILL_RETURN_IF_ERROR(out.add({corner(i), corner(i + 1), corner(i + 2)}));
   }
@@ -154,7 +170,7 @@ Result<std::uint32_t> StoreWriter::Impl::add_object(std::span<const MeshView> me
     geometry.node = geometry.mesh = mesh.name;
     geometry.primitive = geometry.geometry_id;
     out.begin_geometry();
-    RAYMILL_RETURN_IF_ERROR(add(mesh, out));
+    RAYMILL_RETURN_IF_ERROR(add(mesh, {}, out));
   }
   RAYMILL_ASSIGN_OR_RETURN(const InstanceSink::Object object, builder->end_object());
   for (const auto& [code, count] : report.counts) {
@@ -197,9 +213,10 @@ Status StoreWriter::Impl::place(std::uint32_t object, const Placement& placement
 
 namespace {
 
-// What may throw where the machine is out of memory.
+// What may throw where the machine is out of memory, whatever the caller's float mode.
 template <typename Work>
 auto guarded(Status& failure, Work&& work) -> decltype(work()) {
+  const DefaultFloatMode float_mode;
   try {
     auto result = work();
     if constexpr (std::is_same_v<decltype(result), Status>) {
@@ -226,7 +243,7 @@ Status StoreWriter::add(const MeshView& mesh) {
     impl_->last_placed.reset();
     TriangleWriter out(*impl_->builder, report);
     out.begin_geometry();
-    return impl_->add(mesh, out);
+    return impl_->add(mesh, impl_->builder->origin().position(), out);
   });
 }
 
@@ -244,7 +261,9 @@ Status StoreWriter::place(std::uint32_t object, const std::array<double, 16>& wo
     return {ErrorCode::invalid_argument, "there is no object " + std::to_string(object) + " to be placed; " +
                                              std::to_string(impl_->objects.size()) + " were added"};
   }
-  const Placement placement = placement_of({world_from_object});
+  Transform transform{world_from_object};
+  transform.move_back(impl_->builder->origin().position());
+  const Placement placement = placement_of(transform);
   const auto& m = world_from_object;
   const bool affine = m[3] == 0 && m[7] == 0 && m[11] == 0 && m[15] == 1;
   const Aabb& box = impl_->objects[object].box;
@@ -259,6 +278,7 @@ Status StoreWriter::place(std::uint32_t object, const std::array<double, 16>& wo
 Result<BuildReport> StoreWriter::finish() {
   RAYMILL_RETURN_IF_ERROR(impl_->failure);
   impl_->failure = {ErrorCode::invalid_argument, "the store is finished; nothing can be added to it"};
+  const DefaultFloatMode float_mode;
   const std::unique_ptr<StoreBuilder> builder = std::move(impl_->builder);  // its memory and files end with the call
   try {
     return builder->finish();

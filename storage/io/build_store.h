@@ -32,7 +32,10 @@ struct BuildConfig {
       {};                                      ///< of .vdb scenes in their order, rows of a 3 x 4 matrix, "1,0,..."
   std::string volume_values = "float32";       ///< or "lattice:STEP": rounded to multiples of a power of two
   std::vector<std::string> volume_grids = {};  ///< names of the grids to take; none: all
-  unsigned threads = 0;                        ///< 0: one for each core; the bytes of the store do not depend on it
+  /// What positions are kept relative to: "auto" (a point of the first scene where that lies far out, else the world's
+  /// zero), "none" (the world's zero) or "X,Y,Z". A StoreWriter takes "auto" for "none".
+  std::string origin = "auto";
+  unsigned threads = 0;  ///< 0: one for each core; the bytes of the store do not depend on it
   /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build", "volumes") and a
   /// fraction in [0,1]; returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress = {};
@@ -50,6 +53,7 @@ struct BuildReport {
   std::uint32_t levels = 0;
   std::uint64_t volumes = 0;
   std::uint64_t bricks = 0;           ///< of all volumes
+  std::array<double, 3> origin{};     ///< what positions are relative to, in the world
   double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
   double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
   std::uint64_t runs = 0;             ///< parts of the scene that were built one by one
@@ -74,8 +78,10 @@ Result<BuildReport> build(const BuildConfig& config);
 struct MeshView {
   std::string_view name = {};                   ///< what `info` calls the geometry
   std::span<const float> positions = {};        ///< [3 * vertex_count] x, y, z
+  std::span<const double> positions64 = {};     ///< the same in float64, in place of `positions`; rounded once
   std::span<const std::uint32_t> indices = {};  ///< [3 * triangle_count]; empty: each three vertices are a triangle
-  /// Column-major; applied in float64 and rounded once. Left out: positions are in world space and kept bit for bit.
+  /// Column-major; applied in float64 and rounded once. Left out: positions are in world space, and those of float32
+  /// are kept bit for bit where the store has no origin.
   std::optional<std::array<double, 16>> world_from_mesh = {};
 };
 

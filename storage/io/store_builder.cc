@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "storage/import/vdb_import.h"
 #include "storage/io/store_metadata.h"
 
 namespace raymill::storage {
@@ -65,6 +66,7 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
   for (const std::string& transform : config.volume_transforms) {
     RAYMILL_RETURN_IF_ERROR(parse_volume_transform(transform).status());
   }
+  RAYMILL_ASSIGN_OR_RETURN(plan.origin, parse_origin(config.origin));
   plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   return plan;
 }
@@ -86,6 +88,7 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       blocks_(ledger_, temporary_folder(probe_)),
       spool_(blocks_, plan_.threads > 1),
       instances_(blocks_),
+      origin_(plan_.origin.value_or(Origin())),
       volumes_({config.page_bytes, config.width, plan_.codec, plan_.volume_step, config.volume_grids}) {}
 
 Status StoreBuilder::claim_base() {
@@ -103,6 +106,23 @@ Status StoreBuilder::claim_base() {
 Status StoreBuilder::step(const char* phase, double fraction) const {
   if (config_.progress && !config_.progress(phase, fraction)) {
     return {ErrorCode::interrupted, "build stopped; nothing was written to " + config_.output};
+  }
+  return {};
+}
+
+Status StoreBuilder::choose_origin() {
+  if (plan_.origin) {
+    return {};
+  }
+  for (const std::string& scene : config_.scenes) {
+    RAYMILL_ASSIGN_OR_RETURN(const bool holds_volumes, is_vdb(scene));
+    if (!holds_volumes) {
+      ImportOptions options;
+      options.scene = config_.scene_index;
+      RAYMILL_ASSIGN_OR_RETURN(origin_,
+                               storage::choose_origin(scene, options, ledger_, [this] { return step("import", 0); }));
+      break;
+    }
   }
   return {};
 }
@@ -139,8 +159,11 @@ Status StoreBuilder::place(const Placed& placed) {
 Status StoreBuilder::add_volumes(const std::string& path) {
   const std::size_t file = volume_files_++;
   const bool given = file < config_.volume_transforms.size();
-  RAYMILL_ASSIGN_OR_RETURN(const Affine transform,
+  RAYMILL_ASSIGN_OR_RETURN(Affine transform,
                            parse_volume_transform(given ? config_.volume_transforms[file] : "identity"));
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    transform[axis][3] -= origin_.position()[axis];
+  }
   return volumes_.add(path, transform, import_report_);
 }
 
@@ -236,6 +259,11 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
   if (!volumes_.empty()) {
     header.features |= static_cast<std::uint64_t>(Feature::volumes);
   }
+  if (!origin_.is_zero()) {
+    header.features |= static_cast<std::uint64_t>(Feature::origin);
+    header.origin_steps = origin_.steps;
+    header.origin_exponent = origin_.exponent;
+  }
   header.page_bytes = config_.page_bytes;
   header.width = static_cast<std::uint8_t>(config_.width);
   header.codec = static_cast<std::uint8_t>(plan_.codec);
@@ -298,6 +326,7 @@ Result<BuildReport> StoreBuilder::finish_file(StoreFileWriter& writer, StoreFoot
     report_.volumes = import_report_.volumes.size();
     report_.bricks = volumes_.bricks();
   }
+  report_.origin = origin_.position();
   report_.decoded_bytes = writer.decoded_bytes();
   report_.pages = writer.page_count();
   RAYMILL_RETURN_IF_ERROR(writer.finish(footer, metadata_json(import_report_)));

@@ -28,6 +28,7 @@
 #include "storage/build/top_tree.h"
 #include "storage/build/triangle_spool.h"
 #include "storage/import/scene_import.h"
+#include "storage/import/scene_origin.h"
 #include "storage/io/build_store.h"
 #include "storage/io/run_pipeline.h"
 #include "storage/io/store_file_writer.h"
@@ -47,6 +48,11 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   /// What the triangles are called; whoever adds them fills it.
   ImportReport& import_report() { return import_report_; }
   [[nodiscard]] InstanceRule instance_rule() const { return plan_.instances; }
+  /// Where the configuration leaves it open, the first of its scenes that is no volume decides; before anything is
+  /// added. Errors: those of storage::choose_origin().
+  Status choose_origin();
+  /// What everything that is added is relative to.
+  [[nodiscard]] const Origin& origin() const { return origin_; }
   /// For progress: the share of the input that has been added.
   void set_import_fraction(double fraction) { import_fraction_ = fraction; }
 
@@ -67,6 +73,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
     PositionsRequest positions;
     InstanceRule instances = InstanceRule::automatic;
     std::optional<std::int32_t> volume_step{};
+    std::optional<Origin> origin{};
     unsigned threads = 1;
   };
   using Clock = std::chrono::steady_clock;
@@ -118,6 +125,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   std::uint64_t in_trees_ = 0;  // triangles and instances of trees that are written
   std::uint64_t in_all_ = 0;    // of all
   ImportReport import_report_;
+  Origin origin_;
   VolumeBuild volumes_;
   std::size_t volume_files_ = 0;
   BuildReport report_;

@@ -40,7 +40,10 @@ Status check(const StoreHeader& header) {
   if ((header.width != 4 && header.width != 8) || header.page_bytes < kMinPageBytes ||
       header.page_bytes > kMaxPageBytes || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
       header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 || header.lattice_step_exponent < -200 ||
-      header.lattice_step_exponent > 200) {
+      header.lattice_step_exponent > 200 ||
+      (has(header.features, Feature::origin) &&
+       (header.origin().is_zero() || header.origin_exponent < -Origin::kMostExponent ||
+        header.origin_exponent > Origin::kMostExponent))) {
     return {ErrorCode::corrupt, "has a header with impossible values; rebuild it"};
   }
   return {};

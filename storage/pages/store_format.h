@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "storage/base/origin.h"
 #include "storage/base/status.h"
 #include "storage/pages/codec.h"
 
@@ -27,8 +28,9 @@ enum class Feature : std::uint64_t {
   lattice = 4,       ///< positions are multiples of the header's step
   instances = 8,     ///< objects are placed any number of times
   volumes = 32,      ///< the footer names a table of volumes
+  origin = 256,      ///< positions are relative to the header's origin
 };
-constexpr std::uint64_t kKnownFeatures = 15 | 32;
+constexpr std::uint64_t kKnownFeatures = 15 | 32 | 256;
 constexpr bool has(std::uint64_t features, Feature feature) {
   return (features & static_cast<std::uint64_t>(feature)) != 0;
 }
@@ -44,8 +46,14 @@ struct StoreHeader {
   std::uint8_t lattice = 0;
   std::uint8_t reserved = 0;
   std::int32_t lattice_step_exponent = 0;
-  std::array<std::uint8_t, 20> unused{};
+  std::array<std::int32_t, 3> origin_steps{};  ///< with the feature origin; else 0, as the exponent
+  std::int32_t origin_exponent = 0;
+  std::array<std::uint8_t, 4> unused{};
   std::uint64_t checksum = 0;  ///< of the bytes before it
+
+  [[nodiscard]] Origin origin() const {
+    return has(features, Feature::origin) ? Origin{origin_steps, origin_exponent} : Origin();
+  }
 };
 static_assert(sizeof(StoreHeader) == 64 && std::is_trivially_copyable_v<StoreHeader>);
 

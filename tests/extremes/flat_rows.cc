@@ -127,19 +127,19 @@ Row far_features() {
     }
     return most;
   };
-  return {
-      .id = "E10",
-      .setup = "heights of millimetres 5e6 units from the origin, in float32",
-      .promise = "off by half a step of float32, 0.25, at most: millimetres are lost, and wait for float64 positions",
-      .scene = {mesh},
-      .rays = these(rays),
-      .tell =
-          [worst](const Answers& answers) {
-            char text[64];
-            std::snprintf(text, sizeof text, "t off by up to %.3g", worst(answers));
-            return std::string(text);
-          },
-      .keeps = [worst](Mode, const Answers& answers) { return worst(answers) <= 0.25; }};
+  return {.id = "E10",
+          .setup = "heights of millimetres 5e6 units from the origin, in float32",
+          .promise =
+              "off by half a step of float32, 0.25, at most: millimetres are lost; [offset.md](offset.md) keeps them",
+          .scene = {mesh},
+          .rays = these(rays),
+          .tell =
+              [worst](const Answers& answers) {
+                char text[64];
+                std::snprintf(text, sizeof text, "t off by up to %.3g", worst(answers));
+                return std::string(text);
+              },
+          .keeps = [worst](Mode, const Answers& answers) { return worst(answers) <= 0.25; }};
 }
 
 Row separations() {

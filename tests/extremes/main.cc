@@ -36,8 +36,9 @@ t rounded once.
 
 constexpr const char* kTail = R"(
 Rows of the list that are about configurations rather than setups: E27 (suspended at every node) and E33 (every instruction
-set, several threads, little memory) were run for each row above. E31 waits for volumes, E32 for curves, E30 for motion, E23
-for instances, the float64 half of E10 for local origins, and the spheres of E22 for spheres that are no triangles.
+set, several threads, little memory) were run for each row above; E23 without the kernel that has one page there at a time.
+The float64 half of E10 is a page of its own, [offset.md](offset.md). E31 waits for a row of volumes, E32 for curves, E30 for
+motion, and the spheres of E22 for spheres that are no triangles.
 )";
 
 std::string line_of(const Row& row, const Told& told) {
@@ -53,11 +54,11 @@ std::string line_of(const Row& row, const Told& told) {
 // Numbers of ids compare as numbers.
 std::vector<Row> sorted_rows() {
   std::vector<Row> rows;
-  for (const auto& part : {flat_rows(), mesh_rows(), answer_rows()}) {
+  for (const auto& part : {flat_rows(), mesh_rows(), answer_rows(), placed_rows()}) {
     rows.insert(rows.end(), part.begin(), part.end());
   }
-  std::sort(rows.begin(), rows.end(),
-            [](const Row& a, const Row& b) { return std::stoi(a.id.substr(1)) < std::stoi(b.id.substr(1)); });
+  std::stable_sort(rows.begin(), rows.end(),
+                   [](const Row& a, const Row& b) { return std::stoi(a.id.substr(1)) < std::stoi(b.id.substr(1)); });
   return rows;
 }
 

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "storage/io/build_store.h"
+#include "tests/support/instances.h"
 #include "tests/support/random.h"
 #include "tests/support/rays.h"
 #include "tests/support/scenes.h"
@@ -35,7 +37,9 @@ struct Row {
   std::string id;
   std::string setup;
   std::string promise;
-  Scene scene;
+  Scene scene = {};
+  /// In place of `scene`: objects that are placed. Answers have its triangles as they are flattened.
+  std::optional<tests::PlacedScene> placed = {};
   BuildConfig config = tests::small_pages();
   std::function<std::vector<Ray>(std::span<const Triangle>)> rays = {};
   /// A few words. They depend on the answers' bits alone.
@@ -52,6 +56,11 @@ std::vector<Row> flat_rows();
 std::vector<Row> mesh_rows();
 /// Ties, directions, invalid rays, deep trees.
 std::vector<Row> answer_rows();
+/// Objects that are placed by matrices of every kind.
+std::vector<Row> placed_rows();
+
+/// The nearest hit in long double, the ray taken into each object's space without rounding.
+Hit placed_truth(const tests::PlacedScene& scene, const Ray& ray);
 
 // Ways to tell and to keep that rows share.
 

@@ -73,6 +73,14 @@ class Run {
  public:
   explicit Run(const Row& row) : row_(row), config_(row.config) {
     config_.output = folder_ / "row.mill";
+    if (row.placed) {
+      (void)tests::build_placed(folder_, "row.mill", *row.placed, config_);
+      triangles_ = tests::triangles_of(tests::flattened(*row.placed));
+      rays_ = row.rays(triangles_);
+      ours();
+      embree();
+      return;
+    }
     const auto report = tests::build_in_runs(row.scene, config_, std::numeric_limits<std::uint32_t>::max());
     if (!report) {
       problem("is not built: " + report.status().message());
@@ -97,7 +105,7 @@ class Run {
     const std::size_t truths =
         std::min<std::size_t>(rays_.size(), std::max<std::size_t>(8, kTruthTests / triangles_.size()));
     for (const Ray& ray : std::span(rays_).first(truths)) {
-      truth_.push_back(true_hit(triangles_, ray));
+      truth_.push_back(row_.placed ? placed_truth(*row_.placed, ray) : true_hit(triangles_, ray));
     }
     told_.truth = tell(truth_);
     tests::TraceSetup least;
@@ -109,7 +117,7 @@ class Run {
       if (!row_.keeps(kModes[i], {triangles_, rays_, hits, truth_})) {
         problem("in mode " + std::string(to_string(kModes[i])) + ": " + told_.modes[i] + "; promised: " + row_.promise);
       }
-      if (kModes[i] != Mode::fast) {
+      if (kModes[i] != Mode::fast && !row_.placed) {
         against_truth(kModes[i], hits);
       }
       paged(kModes[i], hits, least);
@@ -142,10 +150,12 @@ class Run {
     if (pages_.images.size() >= kManyPages && traced.stats.pages_read <= traced.stats.distinct_pages) {
       problem("has " + std::to_string(pages_.images.size()) + " pages, and the least memory holds them all");
     }
-    const tests::KernelRun one_page{.mode = mode, .residency = tests::Residency::one_page, .batch_rays = 256};
-    tests::Traced alone;
-    alone.hits = tests::run_kernel(pages_, rays_, one_page).hits;
-    same(hits, alone, mode, "one page there at a time");
+    if (!row_.placed) {
+      const tests::KernelRun one_page{.mode = mode, .residency = tests::Residency::one_page, .batch_rays = 256};
+      tests::Traced alone;
+      alone.hits = tests::run_kernel(pages_, rays_, one_page).hits;
+      same(hits, alone, mode, "one page there at a time");
+    }
     tests::TraceSetup slow;
     slow.engine.adversarial = true;
     slow.trace.mode = mode;
@@ -182,14 +192,22 @@ class Run {
     }
   }
 
+  Result<client::EmbreeScene> embree_scene(bool is_robust) {
+    if (!row_.placed) {
+      return client::EmbreeScene::create({.robust = is_robust},
+                                         [this](storage::TriangleSink& sink) { return sink.add(triangles_); });
+    }
+    RAYMILL_ASSIGN_OR_RETURN(const client::PlacedTriangles placed, client::read_placed_triangles(config_.output));
+    return client::EmbreeScene::create({.robust = is_robust}, placed);
+  }
+
   void embree() {
     if (!row_.not_for_embree.empty()) {
       told_.embree = {row_.not_for_embree, row_.not_for_embree};
       return;
     }
     for (const bool is_robust : {false, true}) {
-      const auto scene = client::EmbreeScene::create(
-          {.robust = is_robust}, [this](storage::TriangleSink& sink) { return sink.add(triangles_); });
+      const auto scene = embree_scene(is_robust);
       if (!scene) {
         problem("in Embree: " + scene.status().message());
         return;
@@ -197,7 +215,7 @@ class Run {
       std::vector<Hit> hits;
       for (const Ray& ray : rays_) {
         Hit& hit = hits.emplace_back(scene->closest_hit(ray));
-        if (hit.primitive_id != kNoId) {
+        if (hit.primitive_id != kNoId && !row_.placed) {
           const Triangle& triangle = triangles_[hit.primitive_id];
           hit.geometry_id = triangle.geometry_id;
           hit.primitive_id = triangle.primitive_id;

@@ -66,7 +66,9 @@ void dump_header(Dump& dump) {
   dump.field(1, "lattice = 0");
   dump.field(1, "reserved");
   dump.field(4, "lattice_step_exponent = 0");
-  dump.field(20, "unused");
+  dump.field(12, "origin_steps");
+  dump.field(4, "origin_exponent = 0");
+  dump.field(4, "unused");
   dump.field(8, "checksum of bytes 0x00 to 0x37");
 }
 

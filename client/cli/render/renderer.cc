@@ -130,7 +130,7 @@ Status Renderer::trace(Store& store, Query query, const Wave& wave,
   const Field fields = query == Query::any           ? Field::t
                        : config_.view == View::depth ? Field::t
                                                      : Field::t | Field::normal;
-  TraceConfig request{.query = query, .mode = config_.mode, .fields = answered_fields(query, fields)};
+  TraceConfig request{.query = query, .mode = config_.mode, .fields = answered_fields(query, fields), .relative = true};
   if (query == Query::transmittance) {
     request.volume.density_scale = config_.fog_density;
   }

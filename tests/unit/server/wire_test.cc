@@ -219,11 +219,15 @@ TEST(Wire, StatsAndDescriptionsSurvive) {
   StoreInfo info;
   info.bounds_min = {-1, -2, -3};
   info.bounds_max = {1, 2, 3};
+  EXPECT_EQ(from_wire(to_wire(info), "{}").origin, (std::array<double, 3>{}));
+  EXPECT_EQ(to_wire(info).origin_size(), 0) << "as before there were any";
+  info.origin = {6.4e6, -0.5, 1e-3};
   info.features = {"a", "b"};
   info.least_memory_bytes = 42;
   const StoreInfo again = from_wire(to_wire(info), "{}");
   EXPECT_EQ(again.bounds_min, info.bounds_min);
   EXPECT_EQ(again.bounds_max, info.bounds_max);
+  EXPECT_EQ(again.origin, info.origin);
   EXPECT_EQ(again.features, info.features);
   EXPECT_EQ(again.least_memory_bytes, 42u);
   EXPECT_EQ(again.metadata_json, "{}");

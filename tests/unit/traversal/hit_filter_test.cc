@@ -200,5 +200,44 @@ TEST_F(HitFilterTest, WhatCannotBeIsRefused) {
   EXPECT_EQ(store->trace(alone).status().code(), ErrorCode::invalid_argument) << "no masks to hold it against";
 }
 
+// Rays that leave a closed surface from corners, edges and middles, rounded as a caller rounds them: the triangle that
+// they leave is no hit, whatever side of it they begin on, and no other is lost: who goes in comes to the far side.
+TEST(SelfIntersection, LeavingASurfaceMeetsItsNeighboursAndNotItself) {
+  Random random(21);
+  const TempFolder folder;
+  const tests::Mesh mesh = tests::rough_sphere(random, 1, 1.5F, 10, 14);
+  const std::string path = tests::build_store(folder, "rough.mill", {mesh});
+  const auto triangles = tests::triangles_of({mesh});
+  TraceSetup setup;
+  setup.trace.skips = true;
+  std::vector<Ray> rays;
+  std::size_t inward = 0;
+  for (const tests::Triangle& triangle : triangles) {
+    constexpr float kPlaces[][3] = {{1, 0, 0},       {0, 1, 0},       {0, 0, 1},         {0.5F, 0.5F, 0},
+                                    {0, 0.3F, 0.7F}, {0.9F, 0, 0.1F}, {0.4F, 0.3F, 0.3F}};
+    for (const auto& w : kPlaces) {
+      tests::Vec3f from;
+      for (int axis = 0; axis < 3; ++axis) {
+        from[axis] = w[0] * triangle.v[0][axis] + w[1] * triangle.v[1][axis] + w[2] * triangle.v[2][axis];
+      }
+      rays.push_back(tests::ray_towards(from, random.in_box(-0.3F, 0.3F)));
+      rays.push_back(tests::ray(from, random.direction()));
+      setup.skipped.insert(setup.skipped.end(), 2, {triangle.geometry_id, triangle.primitive_id});
+      ++inward;
+    }
+  }
+  for (const Mode mode : {Mode::watertight, Mode::exact}) {
+    setup.trace.mode = mode;
+    setup.engine.layout = mode == Mode::exact ? "compact" : "expanded";
+    const Traced traced = tests::trace(path, rays, setup);
+    ASSERT_EQ(traced.hits.size(), 2 * inward);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Hit& hit = traced.hits[i];
+      ASSERT_NE(ids_of(hit), setup.skipped[i]) << tests::text_of(rays[i]);
+      ASSERT_TRUE(i % 2 == 1 || std::isfinite(hit.t)) << "it goes in and nowhere out: " << tests::text_of(rays[i]);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace raymill

@@ -35,6 +35,19 @@ TEST(Camera, LooksAlongMinusZOfItsNode) {
   EXPECT_LT(camera->ray(200, 50, kExtent).dir[2], 0);
 }
 
+TEST(Camera, StandsInTheSpaceOfTheStore) {
+  StoreInfo info = with_cameras(kSide);
+  info.origin = {1, 1, 1};
+  EXPECT_EQ(choose_camera("side", info, kExtent)->origin, (Vector{0, 1, 2})) << "the scene's are in world space";
+  const auto given = choose_camera("1,1,11,1,1,1", info, kExtent);
+  ASSERT_TRUE(given) << given.status().message();
+  EXPECT_EQ(given->origin, (Vector{0, 0, 10}));
+  EXPECT_EQ(given->forward, (Vector{0, 0, -1}));
+  const Vector framed = choose_camera("frame", info, kExtent)->origin;
+  info.origin = {};
+  EXPECT_EQ(choose_camera("frame", info, kExtent)->origin, framed) << "bounds are relative already";
+}
+
 TEST(Camera, ChosenByNameIndexNumbersOrFrame) {
   const StoreInfo info = with_cameras(kSide);
   EXPECT_EQ(choose_camera("", info, kExtent)->origin, (Vector{1, 2, 3}));

@@ -1,5 +1,7 @@
 #include "client/cli/ray_file.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <set>
@@ -153,6 +155,45 @@ TEST_F(RayFileTest, WriterKeepsTheOrder) {
   std::vector<Ray> back(rays.size());
   ASSERT_EQ(*reader->read(back), rays.size());
   EXPECT_EQ(std::memcmp(back.data(), rays.data(), rays.size() * sizeof(Ray)), 0);
+}
+
+// In world space, where float32 has steps of half a metre; what is read back about the origin is what was written.
+TEST_F(RayFileTest, RaysAboutAnOriginAreWrittenInFloat64) {
+  const std::array<double, 3> origin = {4500000, -3200000, 0};
+  auto rays = numbered(3000);
+  for (Ray& ray : rays) {
+    ray.org[1] = ray.org[0] / 1024;
+  }
+  const std::uint64_t seed = 9;
+  for (const std::uint64_t* shuffle : {static_cast<const std::uint64_t*>(nullptr), &seed}) {
+    auto writer = RayFileWriter::create(path("rays.npy"), rays.size(), shuffle);
+    ASSERT_TRUE(writer && writer->set_origin(origin).ok());
+    ASSERT_TRUE(writer->append(rays).ok());
+    ASSERT_TRUE(writer->commit().ok());
+    auto reader = RayFileReader::open(path("rays.npy"));
+    ASSERT_TRUE(reader) << reader.status().message();
+    EXPECT_TRUE(reader->is_wide());
+    std::vector<Ray> back(rays.size());
+    ASSERT_EQ(*reader->read(back), rays.size());
+    EXPECT_GT(back[0].org[0], 4499999.0F) << "in the world";
+    reader->rewind();
+    reader->set_origin(origin);
+    ASSERT_EQ(*reader->read(back), rays.size());
+    std::sort(back.begin(), back.end(), [](const Ray& a, const Ray& b) { return a.org[0] < b.org[0]; });
+    EXPECT_EQ(std::memcmp(back.data(), rays.data(), rays.size() * sizeof(Ray)), 0);
+  }
+}
+
+TEST_F(RayFileTest, Float32RaysAreMovedToTheOriginToo) {
+  write("rays.npy", rows_of<float>("'<f4'", 1, 6));
+  auto reader = RayFileReader::open(path("rays.npy"));
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(reader->is_wide());
+  reader->set_origin({0.25, 1, -1});
+  std::vector<Ray> rays(1);
+  ASSERT_EQ(*reader->read(rays), 1U);
+  EXPECT_EQ(rays[0].org, (std::array<float, 3>{0, 0.25F, 3.25F}));
+  EXPECT_EQ(rays[0].dir, (std::array<float, 3>{3.25F, 4.25F, 5.25F}));
 }
 
 TEST_F(RayFileTest, ShuffledWriterKeepsEveryRay) {

@@ -126,6 +126,59 @@ TEST(StoreWriter, MatrixIsAppliedInFloat64AndRoundedOnce) {
   EXPECT_EQ(tests::read_file(folder / "moved.mill") == tests::read_file(folder / "plain.mill"), true);
 }
 
+TEST(StoreWriter, PositionsOfFloat64AreRoundedOnceAboutTheOrigin) {
+  const TempFolder folder;
+  const tests::Mesh mesh = tests::grid(10, 0.3F);
+  std::vector<double> wide;
+  tests::Mesh expected = mesh;
+  for (tests::Corners& corners : expected) {
+    for (auto& p : corners) {
+      const double world[3] = {1e7 + double(p.x) / 3, -2e6 + double(p.y) / 3, double(p.z) / 3};
+      wide.insert(wide.end(), world, world + 3);
+      p = {static_cast<float>(world[0] - 1e7), static_cast<float>(world[1] + 2e6), static_cast<float>(world[2])};
+    }
+  }
+  BuildConfig config = config_of(folder, "far.mill");
+  config.origin = "10000000,-2000000,0";
+  StoreWriter far = make(config);
+  ASSERT_TRUE(far.add({.name = "a", .positions64 = wide}).ok());
+  const auto report = far.finish();
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->origin, (std::array<double, 3>{1e7, -2e6, 0}));
+  StoreWriter plain = make(config_of(folder, "plain.mill"));
+  const std::vector<float> near = positions_of(expected);
+  ASSERT_TRUE(plain.add({.name = "a", .positions = near}).ok());
+  ASSERT_TRUE(plain.finish());
+  // All but the header, and the checksum of it in the footer, at its start and of its whole.
+  const std::string a = tests::read_file(folder / "far.mill"), b = tests::read_file(folder / "plain.mill");
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_TRUE(a.substr(64, a.size() - 64 - 184) == b.substr(64, b.size() - 64 - 184));
+}
+
+TEST(StoreWriter, CallersFloatModeChangesNothing) {
+  const TempFolder folder;
+  const std::vector<float> tiny = positions_of(tests::moved(tests::grid(8, 0.2F), {}, 1e-38F));
+  const auto write = [&](const char* name) {
+    BuildConfig config = config_of(folder, name);
+    config.threads = 2;
+    StoreWriter writer = make(config);
+    EXPECT_TRUE(writer.add({.name = "a", .positions = tiny}).ok());
+    EXPECT_TRUE(writer.finish());
+    return tests::read_file(folder / name);
+  };
+  const std::string before = write("before.mill");
+#if defined(__x86_64__)
+  const unsigned control = __builtin_ia32_stmxcsr();
+  __builtin_ia32_ldmxcsr(control | 0x8040 | 0x6000);  // flush to zero, denormals are zero, round towards zero
+#endif
+  const std::string during = write("during.mill");
+#if defined(__x86_64__)
+  EXPECT_EQ(__builtin_ia32_stmxcsr() & 0xFFC0U, (control | 0x8040 | 0x6000) & 0xFFC0U) << "the caller's is put back";
+  __builtin_ia32_ldmxcsr(control);
+#endif
+  EXPECT_TRUE(before == during);
+}
+
 TEST(StoreWriter, BadMeshIsRefusedWithItsNameAndNothingIsAdded) {
   const TempFolder folder;
   StoreWriter writer = make(config_of(folder));
@@ -138,6 +191,7 @@ TEST(StoreWriter, BadMeshIsRefusedWithItsNameAndNothingIsAdded) {
   };
   const std::vector<std::uint32_t> beyond{0, 1, 3}, two{0, 1}, most{0, 1, 0xFFFFFFFF};
   refused({.name = "hull", .positions = std::span(triangle).first(8)}, "8 were given");
+  refused({.name = "hull", .positions = triangle, .positions64 = std::vector<double>(9)}, "not in both");
   refused({.name = "hull", .positions = std::span(triangle).first(6)}, "2 were given");
   refused({.name = "hull", .positions = triangle, .indices = two}, "2 were given");
   refused({.name = "hull", .positions = triangle, .indices = beyond}, "index 3");

@@ -70,6 +70,37 @@ TEST(StoreFormat, EachKindOfBadHeaderHasItsCode) {
   for (const std::int32_t exponent : {201, -201, std::numeric_limits<std::int32_t>::min()}) {
     EXPECT_EQ(header_with([&](StoreHeader& h) { h.lattice_step_exponent = exponent; }), ErrorCode::corrupt);
   }
+  constexpr auto kOrigin = static_cast<std::uint64_t>(Feature::origin);
+  EXPECT_EQ(header_with([](StoreHeader& h) { h.features |= kOrigin; }), ErrorCode::corrupt) << "of zero";
+  for (const std::int32_t exponent : {101, -101, std::numeric_limits<std::int32_t>::min()}) {
+    EXPECT_EQ(header_with([&](StoreHeader& h) {
+                h.features |= kOrigin;
+                h.origin_steps = {1, 2, 3};
+                h.origin_exponent = exponent;
+              }),
+              ErrorCode::corrupt);
+  }
+}
+
+TEST(StoreFormat, OriginIsReadWhereTheStoreHasOne) {
+  StoreHeader header = good_header();
+  header.origin_steps = {7, 0, std::numeric_limits<std::int32_t>::min()};
+  header.origin_exponent = -3;
+  seal(header);
+  EXPECT_TRUE(check(header).ok()) << "unused without the feature";
+  EXPECT_TRUE(header.origin().is_zero());
+  header.features |= static_cast<std::uint64_t>(Feature::origin);
+  seal(header);
+  EXPECT_TRUE(check(header).ok());
+  EXPECT_EQ(header.origin().position(), (std::array<double, 3>{0.875, 0, -0x1p28}));
+}
+
+TEST(StoreFormat, OriginIsTheNearestThatCanBeCounted) {
+  EXPECT_EQ(origin_near({6400000.3, -0.2, 12}, 0), (Origin{{6400000, 0, 12}, 0}));
+  EXPECT_EQ(origin_near({6400000.3, -0.2, 12}, -30).exponent, -8) << "2^31 steps and no more";
+  EXPECT_EQ(origin_near({0.2, 0, 0}, 0), Origin());
+  EXPECT_EQ(origin_near({0x1p110, 0, 1}, 3), (Origin{{1 << 30, 0, 0}, 80}));
+  EXPECT_TRUE(origin_near({1e300, 0, 0}, 3).is_zero()) << "beyond what can be written";
 }
 
 TEST(StoreFormat, UnsealedChangesAreChecksumMismatches) {

@@ -1,4 +1,4 @@
-#include "client/cli/ray_rounding.h"
+#include "traversal/ray_rounding.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-namespace raymill::client {
+namespace raymill::traversal {
 namespace {
 
 constexpr double kWideInfinity = std::numeric_limits<double>::infinity();
@@ -75,5 +75,34 @@ TEST(RayRounding, BeyondFloat32) {
   EXPECT_TRUE(std::isinf(interval(0, kWideInfinity).tfar));
 }
 
+// The exact difference, once rounded: long double holds all of it where the exponents are near, and at ties of float32
+// that the difference in float64 would come to stand on.
+TEST(RayRounding, OriginIsSubtractedExactly) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> place(-1e7, 1e7), near(-2000, 2000);
+  for (int i = 0; i < 100000; ++i) {
+    const double origin = place(random), org = origin + near(random);
+    const auto exact = static_cast<float>(static_cast<long double>(org) - static_cast<long double>(origin));
+    ASSERT_EQ(round_ray({.org = {org, 0, 0}}, {origin, 0, 0}).org[0], exact) << org << " - " << origin;
+  }
+  // 1 + 2^-24 is a tie; what is a little more or less is none, and float64 alone would round it to the tie.
+  constexpr double kTie = 1 + 0x1p-24;
+  EXPECT_EQ(round_ray({.org = {kTie, kTie, kTie}}, {-0x1p-80, 0x1p-80, 0}).org,
+            (std::array<float, 3>{1 + 0x1p-23F, 1, 1}));
+}
+
+TEST(RayRounding, MovingLeavesAllButTheOriginOfARay) {
+  const Ray ray{.org = {100, -200, 300}, .tnear = 1, .dir = {-0.0F, 1e-40F, 3e38F}, .tfar = 2};
+  const Ray moved = moved_ray(ray, {99.5, 0, 1e6});
+  EXPECT_EQ(moved.org, (std::array<float, 3>{0.5F, -200, -999700}));
+  EXPECT_EQ(moved.tnear, 1);
+  EXPECT_EQ(moved.tfar, 2);
+  EXPECT_EQ(moved.dir, ray.dir);
+  EXPECT_TRUE(std::signbit(moved.dir[0]));
+  const Ray bad{.org = {INFINITY, -INFINITY, NAN}};
+  const Ray still = moved_ray(bad, {1, 2, 3});
+  EXPECT_TRUE(std::isinf(still.org[0]) && std::isinf(still.org[1]) && std::isnan(still.org[2]));
+}
+
 }  // namespace
-}  // namespace raymill::client
+}  // namespace raymill::traversal
