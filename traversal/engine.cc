@@ -66,6 +66,7 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::lattice, "lattice");
   feature(storage::Feature::instances, "instances");
   feature(storage::Feature::volumes, "volumes");
+  feature(storage::Feature::proxies, "proxies");
   info.bounds_min = footer.bounds_min;
   info.bounds_max = footer.bounds_max;
   info.triangles = footer.triangle_count;
