@@ -73,10 +73,10 @@ struct KernelContext {
   std::atomic<std::uint8_t>* touched = nullptr;           ///< [page_count]; set when a ray enters a page
   bool need_normal = false;
   KernelCounters counters;
-  bool corrupt = false;                 ///< set when a reference leads to a node that cannot be its target
-  const HitFilter* filter = nullptr;    ///< none: all hits count
-  CrossingBuffer* crossings = nullptr;  ///< none: they are counted alone
-  unsigned object_level = 0;            ///< of the store; 0: it has no objects
+  bool corrupt = false;                  ///< set when a reference leads to a node that cannot be its target
+  const HitFilter* filter = nullptr;     ///< none: all hits count
+  CrossingBuffer* crossings = nullptr;   ///< none: they are counted alone
+  unsigned object_level = 0;             ///< of the store; 0: it has no objects
   const Footprint* footprint = nullptr;  ///< none: every subtree is entered
 };
 

@@ -374,8 +374,9 @@ Status run(const AccuracyOptions& options) {
     RAYMILL_RETURN_IF_ERROR(write_plot(settings, *picture));
   }
   if (!options.json) {
-    return print(settings_text(settings, options.closed) +
-                 (options.tolerance ? choice_text(settings, {*options.tolerance, options.wrong_share}) : std::string()));
+    return print(
+        settings_text(settings, options.closed) +
+        (options.tolerance ? choice_text(settings, {*options.tolerance, options.wrong_share}) : std::string()));
   }
   nlohmann::json object = accuracy.about();
   object["settings"] = nlohmann::json::array();
@@ -386,12 +387,11 @@ Status run(const AccuracyOptions& options) {
     const Setting* best = fastest_within(settings, {*options.tolerance, options.wrong_share});
     object["tolerance"] = *options.tolerance;
     object["wrong_share"] = options.wrong_share;
-    object["fastest_within"] = best == nullptr
-                                   ? nlohmann::json()
-                                   : nlohmann::json{{"store", best->store},
-                                                    {"mode", std::string(to_string(best->manner.mode))},
-                                                    {"tolerance", best->manner.tolerance},
-                                                    {"tolerance_angle", best->manner.tolerance_angle}};
+    object["fastest_within"] = best == nullptr ? nlohmann::json()
+                                               : nlohmann::json{{"store", best->store},
+                                                                {"mode", std::string(to_string(best->manner.mode))},
+                                                                {"tolerance", best->manner.tolerance},
+                                                                {"tolerance_angle", best->manner.tolerance_angle}};
   }
   return print_json(object);
 }

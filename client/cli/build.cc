@@ -106,7 +106,7 @@ Verb add_build(CLI::App& app) {
       ->capture_default_str();
   verb->add_flag("--proxies", options->config.proxies,
                  "Store what stands for distant parts of the scene, so that 'raymill trace --tolerance' need not read "
-                 "them: about 2 % more bytes");
+                 "them: 2 to 5 % more bytes");
   verb->add_option(
           "--volume-transform", options->config.volume_transforms,
           "Where a .vdb scene stands: 12 or 16 numbers with commas, the rows of an affine matrix, or identity. "

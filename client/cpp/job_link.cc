@@ -27,9 +27,10 @@ Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> 
                                                 const JobRequest& request) {
   if (request.trace.query == Query::all || request.trace.query == Query::transmittance || request.trace.skips ||
       request.trace.geometry_masks || request.trace.tolerance != 0 || request.trace.tolerance_angle != 0) {
-    return {ErrorCode::unsupported,
-            "a server answers neither the queries all and transmittance nor rays that skip primitives or have masks, nor "
-            "within a tolerance; trace them on this machine, by an Engine or without --server"};
+    return {
+        ErrorCode::unsupported,
+        "a server answers neither the queries all and transmittance nor rays that skip primitives or have masks, nor "
+        "within a tolerance; trace them on this machine, by an Engine or without --server"};
   }
   std::unique_ptr<JobLink> link(new JobLink);
   Handlers handlers{.message = [raw = link.get()](ServerPacket&& packet) { raw->on_message(std::move(packet)); },

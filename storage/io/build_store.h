@@ -28,7 +28,7 @@ struct BuildConfig {
   std::uint32_t page_bytes = 64 << 10;  ///< decoded size limit of a page, 16 KiB to 1 MiB
   std::string instances = "auto";  ///< which meshes are stored once and placed: "auto" (where that takes at most half
                                    ///< the bytes), "always", "never"
-  bool proxies = false;            ///< store what stands for subtrees, for jobs with a tolerance (TraceConfig::tolerance)
+  bool proxies = false;  ///< store what stands for subtrees, for jobs with a tolerance (TraceConfig::tolerance)
   std::vector<std::string> volume_transforms =
       {};                                      ///< of .vdb scenes in their order, rows of a 3 x 4 matrix, "1,0,..."
   std::string volume_values = "float32";       ///< or "lattice:STEP": rounded to multiples of a power of two

@@ -114,7 +114,8 @@ Status RunPipeline::write_top() {
   const auto run_count = static_cast<std::uint32_t>(partition_.runs.size());
   PagePlan plan;
   if (!top_.tree.nodes.empty()) {
-    RAYMILL_ASSIGN_OR_RETURN(plan, plan_pages(top_.tree, page_cost(config_.width, config_.page_bytes, 0, config_.proxies)));
+    RAYMILL_ASSIGN_OR_RETURN(plan,
+                             plan_pages(top_.tree, page_cost(config_.width, config_.page_bytes, 0, config_.proxies)));
   }
   const auto top_pages = static_cast<std::uint32_t>(plan.pages.size());
   next_page_ = config_.first_page + top_pages + run_count;
@@ -169,9 +170,8 @@ Status RunPipeline::build_tree(Run& run) const {
   }
   run.place.instances = run.instances;
   const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
-  const PageCost cost = instances
-                            ? instance_page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies)
-                            : page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies);
+  const PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies)
+                                  : page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies);
   RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, cost));
   return {};
 }

@@ -306,9 +306,9 @@ Result<BuildReport> StoreBuilder::finish_file(StoreFileWriter& writer, StoreFoot
   }
   report_.decoded_bytes = writer.decoded_bytes();
   report_.pages = writer.page_count();
-  RAYMILL_RETURN_IF_ERROR(writer.finish(
-      footer, metadata_json(import_report_, {plan_.positions.kind != PositionsRequest::Kind::float32,
-                                             report_.max_displacement, report_.rms_displacement})));
+  RAYMILL_RETURN_IF_ERROR(
+      writer.finish(footer, metadata_json(import_report_, {plan_.positions.kind != PositionsRequest::Kind::float32,
+                                                           report_.max_displacement, report_.rms_displacement})));
   report_.store_bytes = writer.written_bytes();
   report_.temporary_bytes = blocks_.file_bytes();
   report_.temporary_folder = blocks_.folder();

@@ -253,7 +253,7 @@ class Assembly {
   std::map<std::uint32_t, std::uint16_t> ghost_index_;
   std::vector<Node<N>> nodes_;
   std::vector<ExternalRef> externals_;
-  std::vector<Proxy> proxies_;  // [external], in stores that have them
+  std::vector<Proxy> proxies_;            // [external], in stores that have them
   std::vector<std::uint32_t> triangles_;  // of the tree, in page order
   std::vector<Instance> instances_;
 };

@@ -24,17 +24,19 @@ struct Proxy {
   /// and at least the area that any shows (Cauchy-Schwarz); Heitz, Dupuy, Crassin, Dachsbacher 2015 ("SGGX") keep a
   /// distribution of normals so.
   std::array<std::uint16_t, 3> area{};
-  std::array<std::int8_t, 3> mixed{};      ///< S_yz, S_zx, S_xy over the product of their axes' roots, times 127
-  std::array<std::int8_t, 3> normal{};     ///< mean, or of the largest triangle where that is all but zero; times 127
-  std::array<std::uint8_t, 3> coverage{};  ///< along each axis, the part of the box' face that triangles lie over, / 255
-  std::uint8_t several = 0;                ///< 1: of more than one geometry
-  std::uint32_t geometry_id = 0;           ///< of the largest triangle
+  std::array<std::int8_t, 3> mixed{};   ///< S_yz, S_zx, S_xy over the product of their axes' roots, times 127
+  std::array<std::int8_t, 3> normal{};  ///< mean, or of the largest triangle where that is all but zero; times 127
+  std::array<std::uint8_t, 3>
+      coverage{};                 ///< along each axis, the part of the box' face that triangles lie over, / 255
+  std::uint8_t several = 0;       ///< 1: of more than one geometry
+  std::uint32_t geometry_id = 0;  ///< of the largest triangle
   std::uint32_t primitive_id = 0;
 };
 static_assert(sizeof(Proxy) == 24 && std::is_trivially_copyable_v<Proxy>);
 
 /// The areas of a box' faces, across x, y and z.
-[[gnu::always_inline]] inline std::array<double, 3> face_areas(const std::array<float, 3>& lower, const std::array<float, 3>& upper) {
+[[gnu::always_inline]] inline std::array<double, 3> face_areas(const std::array<float, 3>& lower,
+                                                               const std::array<float, 3>& upper) {
   std::array<double, 3> size{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     size[axis] = double(upper[axis]) - lower[axis];
@@ -49,11 +51,14 @@ inline std::uint16_t to_half_digits(double value) {
   const std::uint32_t rounded = (bits + 0x8000U) >> 16;
   return static_cast<std::uint16_t>(rounded < kLargest ? rounded : kLargest);
 }
-[[gnu::always_inline]] inline float from_half_digits(std::uint16_t bits) { return std::bit_cast<float>(std::uint32_t(bits) << 16); }
+[[gnu::always_inline]] inline float from_half_digits(std::uint16_t bits) {
+  return std::bit_cast<float>(std::uint32_t(bits) << 16);
+}
 
 /// The part of the rays along `dir` through the box that are taken to hit: what the box' faces show of their coverage,
 /// at most the area that its triangles show. 0 to 1; 0 for a ray in the plane of a flat box.
-[[gnu::always_inline]] inline double opacity(const Proxy& proxy, const std::array<double, 3>& faces, const std::array<float, 3>& dir) {
+[[gnu::always_inline]] inline double opacity(const Proxy& proxy, const std::array<double, 3>& faces,
+                                             const std::array<float, 3>& dir) {
   double shown = 0, covered = 0, squares = 0;
   const double all = faces[0] + faces[1] + faces[2];
   std::array<double, 3> along{};

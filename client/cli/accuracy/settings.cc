@@ -90,9 +90,9 @@ std::string manner_text(const Manner& manner) {
 const Setting* fastest_within(std::span<const Setting> settings, const Demand& demand) {
   const Setting* best = nullptr;
   for (const Setting& setting : settings) {
-    const bool good = static_cast<double>(setting.wrong_answers()) <=
-                          demand.wrong_share * static_cast<double>(judged(setting)) &&
-                      setting.answers.t_units.most <= demand.tolerance;
+    const bool good =
+        static_cast<double>(setting.wrong_answers()) <= demand.wrong_share * static_cast<double>(judged(setting)) &&
+        setting.answers.t_units.most <= demand.tolerance;
     if (good && (best == nullptr || setting.rate() > best->rate())) {
       best = &setting;
     }
@@ -146,8 +146,8 @@ json setting_json(const Setting& setting) {
 }
 
 std::string settings_text(std::span<const Setting> settings, bool closed) {
-  std::string text = formatted("%-18s %-20s %-10s %9s %8s %7s %9s %9s %9s %9s %9s  %-29s  %-29s%s\n", "", "", "", "", "",
-                               "B a", "MiB", "wrong hit", "another", "wrong", "by", "error of t, ulp",
+  std::string text = formatted("%-18s %-20s %-10s %9s %8s %7s %9s %9s %9s %9s %9s  %-29s  %-29s%s\n", "", "", "", "",
+                               "", "B a", "MiB", "wrong hit", "another", "wrong", "by", "error of t, ulp",
                                "error of t, scene units", closed ? "     rays" : "");
   text += formatted("%-18s %-20s %-10s %9s %8s %7s %9s %9s %9s %9s %9s  %9s %9s %9s  %9s %9s %9s%s\n", "store",
                     "positions", "mode", "tolerance", "Mrays/s", "tri", "read", "or miss", "surface", "primitive",

@@ -4,12 +4,11 @@
 
 A scene is a file, or KIND:TRIANGLES as `raymill generate` makes it. Each is built with float32 positions and on each
 lattice; `raymill accuracy` traces random segments on all of them. The table tells bytes a triangle, the largest and the
-root mean square displacement of a corner, and in mode --mode, against mode exact on the float32 store: the parts of the rays that are a
-wrong hit or miss and that hit a wrong primitive, and the largest error of t. Then cracks: closed meshes on each lattice
-in small pages, so that many edges lie at their borders, and rays from inside, aimed at vertices and edges, that hit
-nothing (tests/bench/leaks); none is allowed but where the
-lattice has taken a triangle's area, so that it is dropped and edges are unpaired. Files in --work
-are named by what they hold and used again.
+root mean square displacement of a corner, and in mode --mode, against mode exact on the float32 store: the parts of the
+rays that are a wrong hit or miss and that hit a wrong primitive, and the largest error of t. Then cracks: closed meshes on
+each lattice in small pages, so that many edges lie at their borders, and rays from inside, aimed at vertices and edges,
+that hit nothing (tests/bench/leaks); none is allowed but where the lattice has taken a triangle's area, so that it is
+dropped and edges are unpaired. Files in --work are named by what they hold and used again.
 """
 
 import argparse

@@ -30,8 +30,8 @@ BuildConfig with_proxies(unsigned width = 8) {
 }
 
 // A sheet with bumps over a ball, and rays from all around.
-struct Fixture {
-  Fixture() {
+struct Proxied {
+  Proxied() {
     scene = {moved(grid(90, 0.05F), {-1, -1, 0}, 2), rough_sphere(random, 0.4F, 0.45F, 60, 60)};
     storage::Aabb box;
     box.grow(storage::Vec3f{-1, -1, -0.5F});
@@ -51,8 +51,8 @@ std::size_t proxy_hits(const std::vector<Hit>& hits) {
       std::count_if(hits.begin(), hits.end(), [](const Hit& hit) { return hit.u == kProxyBarycentric; }));
 }
 
-void expect_same(const std::vector<Hit>& found, const std::vector<Hit>& expected, const std::vector<Ray>& rays,
-                 const std::string& by) {
+void expect_alike(const std::vector<Hit>& found, const std::vector<Hit>& expected, const std::vector<Ray>& rays,
+                  const std::string& by) {
   ASSERT_EQ(found.size(), expected.size());
   for (std::size_t i = 0; i < rays.size(); ++i) {
     ASSERT_TRUE(same_bits(found[i], expected[i])) << by << ", ray " << i << ": " << text_of(rays[i]) << "\n  "
@@ -61,9 +61,10 @@ void expect_same(const std::vector<Hit>& found, const std::vector<Hit>& expected
 }
 
 TEST(Proxies, EveryScheduleIsaAndOrderGivesTheSameHits) {
-  Fixture f;
+  Proxied f;
   for (const unsigned width : {4U, 8U}) {
-    const LoadedPages pages = load_pages(build_store(f.folder, "w" + std::to_string(width), f.scene, with_proxies(width)));
+    const LoadedPages pages =
+        load_pages(build_store(f.folder, "w" + std::to_string(width), f.scene, with_proxies(width)));
     for (const Query query : {Query::closest, Query::any}) {
       for (const Mode mode : {Mode::watertight, Mode::fast}) {
         KernelRun run{.query = query, .mode = mode, .batch_rays = 64, .footprint = {0.2, 0.01}};
@@ -74,8 +75,8 @@ TEST(Proxies, EveryScheduleIsaAndOrderGivesTheSameHits) {
             run.isa = isa;
             run.residency = residency;
             run.batch_rays = residency == Residency::all ? 1 : 100;
-            expect_same(run_kernel(pages, f.rays, run).hits, first.hits, f.rays,
-                        "width " + std::to_string(width) + " " + std::string(to_string(isa)));
+            expect_alike(run_kernel(pages, f.rays, run).hits, first.hits, f.rays,
+                         "width " + std::to_string(width) + " " + std::string(to_string(isa)));
           }
         }
       }
@@ -84,14 +85,15 @@ TEST(Proxies, EveryScheduleIsaAndOrderGivesTheSameHits) {
 }
 
 TEST(Proxies, WithoutAToleranceTheStoreAnswersAsOneWithoutThem) {
-  Fixture f;
-  const std::string plain = build_store(f.folder, "plain", f.scene), rich = build_store(f.folder, "rich", f.scene, with_proxies());
+  Proxied f;
+  const std::string plain = build_store(f.folder, "plain", f.scene),
+                    rich = build_store(f.folder, "rich", f.scene, with_proxies());
   TraceSetup setup;
   for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
     setup.trace.mode = mode;
     for (const char* layout : {"compact", "expanded"}) {
       setup.engine.layout = layout;
-      expect_same(trace(rich, f.rays, setup).hits, trace(plain, f.rays, setup).hits, f.rays, layout);
+      expect_alike(trace(rich, f.rays, setup).hits, trace(plain, f.rays, setup).hits, f.rays, layout);
     }
   }
 }
@@ -112,11 +114,16 @@ void add_ways(const PageView& view, const Ray& ray, std::vector<Way>& ways) {
       }
       Way way;
       for (std::size_t axis = 0; axis < 3; ++axis) {
+        if (ray.dir[axis] == 0) {
+          continue;  // inside the slab or not: no end of a way
+        }
         const float scale = storage::power_of_two(node.exponent[axis]);
-        const double a = (double(storage::decode_plane(node.base[axis], scale, node.lower[axis][slot])) - ray.org[axis]) /
-                         ray.dir[axis];
-        const double b = (double(storage::decode_plane(node.base[axis], scale, node.upper[axis][slot])) - ray.org[axis]) /
-                         ray.dir[axis];
+        const double a =
+            (double(storage::decode_plane(node.base[axis], scale, node.lower[axis][slot])) - ray.org[axis]) /
+            ray.dir[axis];
+        const double b =
+            (double(storage::decode_plane(node.base[axis], scale, node.upper[axis][slot])) - ray.org[axis]) /
+            ray.dir[axis];
         way.entry = std::fmax(way.entry, std::fmin(a, b));
         way.exit = std::fmin(way.exit, std::fmax(a, b));
       }
@@ -127,7 +134,7 @@ void add_ways(const PageView& view, const Ray& ray, std::vector<Way>& ways) {
 
 // So the true hit, where there is one in the box, is no further away than the tolerance.
 TEST(Proxies, AHitLiesInTheMiddleOfAWayThroughABoxThatIsShortEnough) {
-  Fixture f;
+  Proxied f;
   constexpr double kTolerance = 0.1;
   const LoadedPages pages = load_pages(build_store(f.folder, "s", f.scene, with_proxies()));
   const KernelRun run{.batch_rays = 64, .footprint = {kTolerance, 0}};
@@ -182,7 +189,7 @@ TEST(Proxies, OnASheetSeenFromAboveHitsAreRightWithinTheTolerance) {
 }
 
 TEST(Proxies, ARayThatBeginsInABoxMeetsWhatIsThere) {
-  Fixture f;
+  Proxied f;
   const std::string store = build_store(f.folder, "s", f.scene, with_proxies());
   const std::vector<storage::Vec3f> vertices = vertices_of(f.scene[1]);
   std::vector<Ray> rays;
@@ -194,15 +201,16 @@ TEST(Proxies, ARayThatBeginsInABoxMeetsWhatIsThere) {
   TraceSetup setup;
   const std::vector<Hit> expected = trace(store, rays, setup).hits;
   setup.trace.tolerance = 10;
-  expect_same(trace(store, rays, setup).hits, expected, rays, "from the surface");
+  expect_alike(trace(store, rays, setup).hits, expected, rays, "from the surface");
 }
 
 TEST(Proxies, TheEngineAnswersAlikeInEveryBudgetAndSchedule) {
-  Fixture f;
+  Proxied f;
   Random random(5);
   std::vector<Ray> rays = f.rays;
   const std::string flat = build_store(f.folder, "flat", f.scene, with_proxies());
-  for (const std::string& store : {flat, build_placed(f.folder, "placed.mill", random_placed_scene(random, 60), with_proxies())}) {
+  for (const std::string& store :
+       {flat, build_placed(f.folder, "placed.mill", random_placed_scene(random, 60), with_proxies())}) {
     TraceSetup setup;
     setup.trace.tolerance = 0.3;
     setup.trace.tolerance_angle = 0.05;
@@ -213,22 +221,23 @@ TEST(Proxies, TheEngineAnswersAlikeInEveryBudgetAndSchedule) {
     TraceSetup other = setup;
     other.engine.threads = 3;
     other.engine.sort_rays = "always";
-    expect_same(trace(store, rays, other).hits, expected.hits, rays, "threads, sorted");
-    expect_same(trace_with_least_memory(store, rays, setup).hits, expected.hits, rays, "least memory");
+    expect_alike(trace(store, rays, other).hits, expected.hits, rays, "threads, sorted");
+    expect_alike(trace_with_least_memory(store, rays, setup).hits, expected.hits, rays, "least memory");
     other = setup;
     other.engine.adversarial = true;
-    expect_same(trace(store, rays, other).hits, expected.hits, rays, "one page at a time");
+    expect_alike(trace(store, rays, other).hits, expected.hits, rays, "one page at a time");
     std::reverse(rays.begin(), rays.end());
     std::vector<Hit> backwards = trace(store, rays, setup).hits;
     std::reverse(rays.begin(), rays.end());
     std::reverse(backwards.begin(), backwards.end());
-    expect_same(backwards, expected.hits, rays, "backwards");
+    expect_alike(backwards, expected.hits, rays, "backwards");
   }
 }
 
 TEST(Proxies, WhatDoesNotGoTogetherIsRefused) {
-  Fixture f;
-  const std::string plain = build_store(f.folder, "plain", f.scene), rich = build_store(f.folder, "rich", f.scene, with_proxies());
+  Proxied f;
+  const std::string plain = build_store(f.folder, "plain", f.scene),
+                    rich = build_store(f.folder, "rich", f.scene, with_proxies());
   const auto refused = [&](const std::string& store, const char* word, const auto& change) {
     TraceSetup setup;
     setup.trace.tolerance = 0.1;
@@ -254,7 +263,7 @@ TEST(Proxies, WhatDoesNotGoTogetherIsRefused) {
 }
 
 TEST(Proxies, AGeometryThatIsMaskedOutIsNotHitByProxy) {
-  Fixture f;
+  Proxied f;
   const std::string store = build_store(f.folder, "s", f.scene, with_proxies());
   TraceSetup setup;
   setup.trace.tolerance = 0.2;

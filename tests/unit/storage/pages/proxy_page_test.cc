@@ -14,14 +14,14 @@
 namespace raymill::storage {
 namespace {
 
-struct Fixture {
-  explicit Fixture(const tests::Scene& scene) {
+struct ProxiedPages {
+  explicit ProxiedPages(const tests::Scene& scene) {
     BuildConfig config = tests::small_pages();
     config.proxies = true;
     config.positions = "lattice:0.000244140625";  // 2^-12: what draco needs
     pages = tests::load_pages(tests::build_store(folder, "s.mill", scene, config));
   }
-  Fixture() : Fixture({tests::grid(60, 0.1F), tests::sphere({2, 0, 0}, 0.5F, 30, 30)}) {}
+  ProxiedPages() : ProxiedPages({tests::grid(60, 0.1F), tests::sphere({2, 0, 0}, 0.5F, 30, 30)}) {}
   tests::TempFolder folder;
   tests::LoadedPages pages;
 };
@@ -40,7 +40,7 @@ std::vector<Proxy> proxies_of(const tests::LoadedPages& pages) {
 }
 
 TEST(ProxyPages, EveryCodecGivesThemBack) {
-  const Fixture f;
+  const ProxiedPages f;
   ASSERT_GT(f.pages.images.size(), 4U);
   ASSERT_GT(proxies_of(f.pages).size(), 8U);
   for (const Codec codec : {Codec::raw, Codec::lz4, Codec::zstd, Codec::draco}) {
@@ -58,7 +58,7 @@ TEST(ProxyPages, EveryCodecGivesThemBack) {
 }
 
 TEST(ProxyPages, AReferenceIsProxiedExactlyWhereItCrossesAPageBorder) {
-  const Fixture f;
+  const ProxiedPages f;
   std::size_t proxied = 0;
   for (std::uint32_t page = 0; page < f.pages.images.size(); ++page) {
     const PageView view(f.pages.images[page].data());
@@ -76,7 +76,7 @@ TEST(ProxyPages, AReferenceIsProxiedExactlyWhereItCrossesAPageBorder) {
 }
 
 TEST(ProxyPages, EachRuleHasItsRefusal) {
-  const Fixture f;
+  const ProxiedPages f;
   const auto with = std::find_if(f.pages.images.begin(), f.pages.images.end(), [](const PageBuffer& image) {
     const PageView view(image.data());
     return std::any_of(view.externals(), view.externals() + view.header().external_count,
@@ -130,7 +130,7 @@ TEST(Opacity, IsTheShareOfRaysThatASheetStops) {
 
 TEST(Opacity, OfABallIsWhatItsBoxShowsOfIt) {
   // In a page of its own below others, so that the ball's root is proxied.
-  const Fixture f({tests::sphere({0, 0, 0}, 1, 60, 60), tests::sphere({9, 0, 0}, 1, 60, 60)});
+  const ProxiedPages f({tests::sphere({0, 0, 0}, 1, 60, 60), tests::sphere({9, 0, 0}, 1, 60, 60)});
   double most = 0, sum = 0;
   const std::vector<Proxy> proxies = proxies_of(f.pages);
   ASSERT_GT(proxies.size(), 4U);
