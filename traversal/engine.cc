@@ -68,6 +68,7 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::volumes, "volumes");
   feature(storage::Feature::origin, "origin");
   info.origin = header.origin().position();
+  feature(storage::Feature::proxies, "proxies");
   info.bounds_min = footer.bounds_min;
   info.bounds_max = footer.bounds_max;
   info.triangles = footer.triangle_count;

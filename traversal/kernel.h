@@ -18,6 +18,7 @@ struct KernelCounters {
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
   std::uint64_t pages_entered = 0;
+  std::uint64_t proxies_taken = 0;  ///< subtrees that were not entered, hit or passed
 };
 
 /// A hit of a ray that is asked for all of them.
@@ -60,16 +61,23 @@ struct HitFilter {
   }
 };
 
+/// How far from a surface an answer may be, for subtrees with proxies; the larger of the two counts.
+struct Footprint {
+  double length = 0;  ///< scene units
+  double angle = 0;   ///< times t and the length of dir: of a cone
+};
+
 /// What a kernel reads. Plain data; the pages found through `images` must stay until the call returns.
 struct KernelContext {
   const std::atomic<const std::byte*>* images = nullptr;  ///< [page_count]; null: not resident
   std::atomic<std::uint8_t>* touched = nullptr;           ///< [page_count]; set when a ray enters a page
   bool need_normal = false;
   KernelCounters counters;
-  bool corrupt = false;                 ///< set when a reference leads to a node that cannot be its target
-  const HitFilter* filter = nullptr;    ///< none: all hits count
-  CrossingBuffer* crossings = nullptr;  ///< none: they are counted alone
-  unsigned object_level = 0;            ///< of the store; 0: it has no objects
+  bool corrupt = false;                  ///< set when a reference leads to a node that cannot be its target
+  const HitFilter* filter = nullptr;     ///< none: all hits count
+  CrossingBuffer* crossings = nullptr;   ///< none: they are counted alone
+  unsigned object_level = 0;             ///< of the store; 0: it has no objects
+  const Footprint* footprint = nullptr;  ///< none: every subtree is entered
 };
 
 /// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.

@@ -73,6 +73,8 @@ constexpr Field kSpanFields = Field::t | Field::t_leave | Field::geometry_id;
 constexpr std::uint32_t kNoId = 0xFFFFFFFFu;
 constexpr std::uint32_t kNoCount = 0xFFFFFFFFu;
 constexpr std::uint32_t kAllMask = 0xFFFFFFFFu;
+/// u and v of a hit that a proxy gave (TraceConfig::tolerance): its ids name the largest triangle that it stands for.
+constexpr float kProxyBarycentric = -1;
 
 /// A ray in world space. dir need not have length one; t counts in lengths of dir; a hit has tnear <= t <= tfar.
 /// A ray is invalid when org or dir holds a NaN or an infinity, dir is zero, an end of the interval is NaN, or

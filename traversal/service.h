@@ -35,6 +35,11 @@ struct TraceConfig {
   /// [geometry_id]; a triangle is a hit where a bit is set in its geometry's mask and in those of the ray. None, or too
   /// short for an id: all bits. The caller's memory: what is there before an Engine is made counts.
   std::shared_ptr<const std::vector<std::uint32_t>> geometry_masks = {};
+  /// How far a hit may lie from the surface, in scene units; 0: not at all. A store with proxies (BuildConfig::proxies)
+  /// then answers for subtrees of which a ray crosses no more than twice that without reading them, by what their
+  /// triangles cover on the average: Query::closest and any, not Mode::exact. Such a hit has u = v = kProxyBarycentric.
+  double tolerance = 0;
+  double tolerance_angle = 0;  ///< the same, times t and the length of dir: of a cone; the larger of the two counts
 };
 
 /// Rows of hits for consecutive rays: a row a ray, but for lists (Query::all, Query::spans), where offsets() says whose
@@ -110,6 +115,7 @@ struct JobStats {
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
+  std::uint64_t proxies_taken = 0;                         ///< subtrees that rays did not enter, hit or passed
   std::uint64_t rays_expanded = 0;                         ///< rays that the expanded layout answered
   double expand_seconds = 0;                               ///< of all workers, for laying the store out so, once
   std::uint64_t pages_entered = 0;                         ///< times a ray came to a page, or to another part of one

@@ -55,6 +55,21 @@ Status check(const TraceConfig& config) {
   return {};
 }
 
+Status check_tolerance(const TraceConfig& config) {
+  const auto fits = [](double value) { return value >= 0 && std::isfinite(value); };
+  if (!fits(config.tolerance) || !fits(config.tolerance_angle)) {
+    return {ErrorCode::invalid_argument, "a tolerance is a finite number, 0 or more"};
+  }
+  if (config.query != Query::closest && config.query != Query::any) {
+    return {ErrorCode::invalid_argument, "only the queries closest and any are answered within a tolerance"};
+  }
+  if (config.mode == Mode::exact) {
+    return {ErrorCode::invalid_argument,
+            "mode exact gives no answers within a tolerance; use watertight or fast, or leave the tolerance out"};
+  }
+  return {};
+}
+
 Status check(const VolumeConfig& config) {
   const auto positive = [](double value) { return value > 0 && std::isfinite(value); };
   if (config.method == VolumeMethod::march && !positive(config.step)) {
@@ -152,6 +167,18 @@ StoreTracer::~StoreTracer() {
 
 Status StoreTracer::check_query(const TraceConfig& config) const {
   RAYMILL_RETURN_IF_ERROR(check(config));
+  if (config.tolerance != 0 || config.tolerance_angle != 0) {
+    RAYMILL_RETURN_IF_ERROR(check_tolerance(config));
+    if (!file_->has_proxies()) {
+      return {ErrorCode::invalid_argument, file_->path() +
+                                               ": holds no proxies, which answers within a tolerance need; build it "
+                                               "with --proxies, or leave the tolerance out"};
+    }
+    if (config_.layout == Layout::expanded) {
+      return {ErrorCode::invalid_argument,
+              file_->path() + ": the expanded layout has no proxies; with a tolerance use --layout auto"};
+    }
+  }
   if (is_of_fog(config.query)) {
     if (!looks_at(config.query, volumes_)) {
       return {ErrorCode::invalid_argument,
@@ -209,7 +236,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   RAYMILL_ASSIGN_OR_RETURN(setup.crossings_claim,
                            ledger_.claim(storage::Tag::results, plan.crossings * sizeof(Crossing)));
   setup.crossings.resize(plan.crossings / config_.share.threads * config_.share.threads);
-  if (fresh_claim_.bytes() > 0) {
+  const bool through_pages = config.tolerance != 0 || config.tolerance_angle != 0;  // which have the proxies
+  if (fresh_claim_.bytes() > 0 && !through_pages) {
     RAYMILL_ASSIGN_OR_RETURN(setup.fresh,
                              FreshRays::create({config_.share.threads, config.skips, config.masks}, ledger_));
   }
@@ -373,6 +401,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock
   job->stats.nodes_visited += counters.kernel.nodes_visited;
   job->stats.pages_entered += counters.kernel.pages_entered;
   job->stats.triangles_tested += counters.kernel.triangles_tested;
+  job->stats.proxies_taken += counters.kernel.proxies_taken;
   if (counters.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +
                                            ": has pages whose references do not fit each other; build it "

@@ -152,6 +152,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   context.filter = job.hit_filter();
   context.crossings = crossings;
   context.object_level = file_->rules().object_level;
+  context.footprint = job.footprint();
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);

@@ -20,6 +20,7 @@ HitFilter filter_of(const TraceConfig& config) {
 TraceJob::TraceJob(Setup setup)
     : config(setup.config),
       filter(filter_of(config)),
+      tolerance{config.tolerance, config.tolerance_angle},
       kernel(setup.kernel),
       expanded_kernel(setup.expanded_kernel),
       kernel_name(std::move(setup.kernel_name)),

@@ -50,6 +50,11 @@ class TraceJob {
   [[nodiscard]] const HitFilter* hit_filter() const {
     return filter.skips || !filter.geometry_masks.empty() ? &filter : nullptr;
   }
+  const Footprint tolerance;  ///< of the config
+  /// Null: every subtree is entered.
+  [[nodiscard]] const Footprint* footprint() const {
+    return tolerance.length > 0 || tolerance.angle > 0 ? &tolerance : nullptr;
+  }
   const Kernel kernel;
   const ExpandedKernel expanded_kernel;
   const std::string kernel_name;

@@ -41,6 +41,8 @@ struct AccuracyOptions {
   unsigned rounds = 3;
   bool closed = false;
   std::optional<double> tolerance;
+  double wrong_share = 0;
+  std::vector<double> tolerances, tolerance_angles;
   std::string plot;
   ServiceOptions service;
   std::string progress;
@@ -48,17 +50,9 @@ struct AccuracyOptions {
 };
 
 constexpr std::uint64_t kMostMadeRays = std::uint64_t{1} << 40;
-// The oracle first: the others are compared with it. Printed in the order of the enumeration's words in `--help`.
+// The oracle first: the others are compared with it. Printed the other way round.
 constexpr std::array<Mode, 3> kModes = {Mode::exact, Mode::watertight, Mode::fast};
 constexpr std::size_t kReadRays = 4096;
-
-Result<double> parse_tolerance(const std::string& text) {
-  const auto numbers = parse_numbers(text);
-  if (!numbers || numbers->size() != 1 || numbers->front() < 0) {
-    return Status(ErrorCode::invalid_argument, "'" + text + "' is not a length in scene units, such as 0.001 or 0");
-  }
-  return numbers->front();
-}
 
 /// The batch, from its beginning again and again. Thread-confined.
 class RayReader {
@@ -95,6 +89,26 @@ class RayReader {
   std::vector<Ray> buffer_;
 };
 
+// How a store is asked: in every mode, and where it has proxies, in those that approximate, within each tolerance.
+std::vector<Manner> manners_of(const StoreInfo& info, const AccuracyOptions& options) {
+  std::vector<Manner> manners;
+  for (const Mode mode : kModes) {
+    manners.push_back({mode, 0, 0});
+  }
+  if (std::find(info.features.begin(), info.features.end(), "proxies") == info.features.end()) {
+    return manners;
+  }
+  for (const Mode mode : {Mode::fast, Mode::watertight}) {
+    for (const double length : options.tolerances) {
+      manners.push_back({mode, length, 0});
+    }
+    for (const double angle : options.tolerance_angles) {
+      manners.push_back({mode, 0, angle});
+    }
+  }
+  return manners;
+}
+
 class Accuracy {
  public:
   Accuracy(const AccuracyOptions& options, ProgressStyle style)
@@ -110,7 +124,10 @@ class Accuracy {
       RAYMILL_RETURN_IF_ERROR(measure(store));
     }
     progress_.reset();
-    return {};
+    return has_tolerances() == asks_tolerances() ? Status()
+                                                 : Status(ErrorCode::invalid_argument,
+                                                          "none of the stores holds proxies, which --tolerances and "
+                                                          "--tolerance-angles need; build one with --proxies");
   }
 
   [[nodiscard]] const std::vector<Setting>& settings() const { return settings_; }
@@ -139,6 +156,14 @@ class Accuracy {
   }
 
  private:
+  [[nodiscard]] bool asks_tolerances() const {
+    return !options_.tolerances.empty() || !options_.tolerance_angles.empty();
+  }
+  [[nodiscard]] bool has_tolerances() const {
+    return std::any_of(settings_.begin(), settings_.end(),
+                       [](const Setting& setting) { return setting.manner.approximates(); });
+  }
+
   Status open_rays() {
     for (std::optional<RayReader>* reader : {&pushed_, &seen_}) {
       RAYMILL_ASSIGN_OR_RETURN(RayFileReader file, RayFileReader::open(options_.rays));
@@ -180,15 +205,17 @@ class Accuracy {
     const std::size_t first = settings_.size();
     inside_.emplace(folder_, "rays inside");
     OpenStore open;
-    for (const Mode mode : kModes) {
+    std::vector<Manner> manners{{kModes[0], 0, 0}};
+    for (std::size_t i = 0; i < manners.size(); ++i) {
       open = {};  // its memory is free before the next one asks for it
       RAYMILL_ASSIGN_OR_RETURN(open, open_store(options_.service, store, options_.plot));
       RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
       RAYMILL_RETURN_IF_ERROR(same_scene(info));
+      manners = manners_of(info, options_);
       Setting& setting = settings_.emplace_back();
       setting.store = store;
       setting.positions = info.positions;
-      setting.mode = mode;
+      setting.manner = manners[i];
       setting.triangles = info.triangles;
       setting.store_bytes = info.store_bytes;
       setting.decoded_bytes = info.decoded_bytes;
@@ -202,7 +229,8 @@ class Accuracy {
     for (std::size_t i = first; i < settings_.size(); ++i) {
       std::sort(settings_[i].mega_rays_per_second.begin(), settings_[i].mega_rays_per_second.end());
     }
-    std::reverse(settings_.begin() + static_cast<std::ptrdiff_t>(first), settings_.end());
+    const auto begin = settings_.begin() + static_cast<std::ptrdiff_t>(first);
+    std::reverse(begin, begin + static_cast<std::ptrdiff_t>(kModes.size()));
     return {};
   }
 
@@ -228,8 +256,10 @@ class Accuracy {
 
   // Compares the mode's hits with the oracle's; mode exact of the first store is the oracle.
   Status judge(Store& store, Setting& setting) {
-    const bool is_truth = settings_.size() == 1, is_own_oracle = setting.mode == Mode::exact && options_.closed;
-    const Field fields = Field::t | Field::ids | (is_own_oracle ? Field::uv | Field::normal : Field::none);
+    const Manner& manner = setting.manner;
+    const bool is_truth = settings_.size() == 1, is_own_oracle = manner.mode == Mode::exact && options_.closed;
+    Field fields = Field::t | Field::ids | (is_own_oracle ? Field::uv | Field::normal : Field::none);
+    fields = fields | (manner.approximates() ? Field::uv : Field::none);  // which tell a proxy's hits
     Tally tally;
     RowFile<Truth>::Reader truths(truth_);
     RowFile<std::uint8_t>::Reader insides(*inside_);
@@ -253,13 +283,12 @@ class Accuracy {
             RAYMILL_ASSIGN_OR_RETURN(const auto one, truths.next(1));
             truth = one[0];
           }
-          tally.add(truth, hit, is_inside != 0);
+          tally.add(truth, hit, is_inside != 0, manner.bound(truth));
         }
       }
       return {};
     };
-    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats,
-                             trace(store, {.mode = setting.mode, .fields = fields, .relative = true}, sink));
+    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats, trace(store, config_of(manner, fields), sink));
     RAYMILL_RETURN_IF_ERROR(is_truth ? truth_.finish() : Status());
     RAYMILL_RETURN_IF_ERROR(is_own_oracle ? inside_->finish() : Status());
     setting.bytes_read = stats.bytes_read - bytes_before_;
@@ -269,10 +298,17 @@ class Accuracy {
 
   Status time(Store& store, Setting& setting) {
     const auto drop = [](const HitChunk&) { return Status(); };
-    const TraceConfig config{.mode = setting.mode, .fields = Field::t | Field::ids, .relative = true};
-    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats, trace(store, config, drop));
+    RAYMILL_ASSIGN_OR_RETURN(const JobStats stats,
+                             trace(store, config_of(setting.manner, Field::t | Field::ids), drop));
     setting.mega_rays_per_second.push_back(static_cast<double>(count_) / 1e6 / std::max(stats.trace_seconds, 1e-9));
     return {};
+  }
+
+  static TraceConfig config_of(const Manner& manner, Field fields) {
+    TraceConfig config{.mode = manner.mode, .fields = fields, .relative = true};
+    config.tolerance = manner.tolerance;
+    config.tolerance_angle = manner.tolerance_angle;
+    return config;
   }
 
   Result<JobStats> trace(Store& store, const TraceConfig& config, const HitSink& sink) {
@@ -309,7 +345,7 @@ class Accuracy {
 Status write_plot(std::span<const Setting> settings, Picture& picture) {
   std::vector<PlotPoint> points;
   for (const Setting& setting : settings) {
-    points.push_back({.label = std::string(to_string(setting.mode)) + " " + setting.positions,
+    points.push_back({.label = manner_text(setting.manner) + " " + setting.positions,
                       .rate = setting.rate(),
                       .error = setting.answers.t_units.most,
                       .is_sound = setting.wrong_answers() == 0});
@@ -352,8 +388,9 @@ Status run(const AccuracyOptions& options) {
     RAYMILL_RETURN_IF_ERROR(write_plot(settings, *picture));
   }
   if (!options.json) {
-    return print(settings_text(settings, options.closed) +
-                 (options.tolerance ? choice_text(settings, *options.tolerance) : std::string()));
+    return print(
+        settings_text(settings, options.closed) +
+        (options.tolerance ? choice_text(settings, {*options.tolerance, options.wrong_share}) : std::string()));
   }
   nlohmann::json object = accuracy.about();
   object["settings"] = nlohmann::json::array();
@@ -361,11 +398,14 @@ Status run(const AccuracyOptions& options) {
     object["settings"].push_back(setting_json(setting));
   }
   if (options.tolerance) {
-    const Setting* best = fastest_within(settings, *options.tolerance);
+    const Setting* best = fastest_within(settings, {*options.tolerance, options.wrong_share});
     object["tolerance"] = *options.tolerance;
-    object["fastest_within"] =
-        best == nullptr ? nlohmann::json()
-                        : nlohmann::json{{"store", best->store}, {"mode", std::string(to_string(best->mode))}};
+    object["wrong_share"] = options.wrong_share;
+    object["fastest_within"] = best == nullptr ? nlohmann::json()
+                                               : nlohmann::json{{"store", best->store},
+                                                                {"mode", std::string(to_string(best->manner.mode))},
+                                                                {"tolerance", best->manner.tolerance},
+                                                                {"tolerance_angle", best->manner.tolerance_angle}};
   }
   return print_json(object);
 }
@@ -382,6 +422,10 @@ Verb add_accuracy(CLI::App& app) {
       "  Mrays/s          the median of --rounds runs, in which the modes take turns\n"
       "  MiB read         pages that a run reads which finds none in memory\n"
       "  wrong hit/miss   part of the rays that hit where the oracle misses, or miss where it hits\n"
+      "  another surface  of --tolerances: part of the rays that hit off by more than the tolerance, as a subtree was "
+      "taken\n"
+      "                   for hit that the ray passes, or the other way; no part of the error of t\n"
+      "  by proxy         part of the rays whose hit stands for a subtree that was not read\n"
       "  wrong primitive  part of the rays that hit another primitive; at the same t it is not wrong\n"
       "  error of t       where both hit: steps between float32 numbers, and lengths\n"
       "With --tolerance it names the fastest line without a wrong hit or miss whose largest error of t is no larger.\n"
@@ -411,8 +455,17 @@ Verb add_accuracy(CLI::App& app) {
       ->type_name("N")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  add_parsed(*verb, "--tolerance", options->tolerance, parse_tolerance,
+  add_parsed(*verb, "--tolerance", options->tolerance, parse_length,
              "Largest error of t that is allowed, in scene units: name the fastest setting that keeps it", "LENGTH");
+  add_parsed(*verb, "--wrong-share", options->wrong_share, parse_length,
+             "With --tolerance: part of the rays that may be a wrong hit or miss or hit another surface. Default 0",
+             "SHARE");
+  add_parsed(*verb, "--tolerances", options->tolerances, parse_lengths,
+             "Trace stores with proxies ('raymill build --proxies') within each of these too, as 'raymill trace "
+             "--tolerance' does: lengths separated by commas",
+             "LIST");
+  add_parsed(*verb, "--tolerance-angles", options->tolerance_angles, parse_lengths,
+             "The same, as 'raymill trace --tolerance-angle' does", "LIST");
   verb->add_flag(
       "--closed", options->closed,
       "The scene's meshes are closed and their triangles face outwards: count leaks, misses of rays without "

@@ -154,6 +154,19 @@ void QueryOptions::add_lists_to(CLI::App& app) {
              "With --query all and spans: of each ray at most so many, the nearest", "K");
 }
 
+void QueryOptions::add_tolerance_to(CLI::App& app) {
+  add_parsed(app, "--tolerance", config.tolerance, parse_length,
+             "How far a hit may lie from the surface, in scene units: parts of a store built with --proxies that a ray "
+             "crosses on no longer a way than twice that are not read, but taken to be hit as often as they would be "
+             "on the average. Such hits have u = v = -1. For --query closest and any",
+             "LENGTH");
+  add_parsed(
+      app, "--tolerance-angle", config.tolerance_angle, parse_length,
+      "The same, as a part of the way from the ray's origin: 0.001 is a millimetre at a metre. The larger of the "
+      "two counts",
+      "ANGLE");
+}
+
 void QueryOptions::add_volumes_to(CLI::App& app) {
   add_parsed(
       app, "--volume-method", config.volume.method,

@@ -77,6 +77,8 @@ struct QueryOptions {
   void add_to(CLI::App& app);
   /// Of what only trace answers.
   void add_lists_to(CLI::App& app);
+  /// Of answers within a tolerance.
+  void add_tolerance_to(CLI::App& app);
   /// Of how it answers transmittance and spans.
   void add_volumes_to(CLI::App& app);
   /// Fills in what was left out and refuses what does not go together.

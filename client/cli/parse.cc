@@ -1,5 +1,6 @@
 #include "client/cli/parse.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -113,6 +114,22 @@ Result<std::vector<double>> parse_numbers(std::string_view text) {
     }
     rest.remove_prefix(1);
   }
+}
+
+Result<double> parse_length(std::string_view text) {
+  const auto numbers = parse_numbers(text);
+  if (!numbers || numbers->size() != 1 || numbers->front() < 0) {
+    return refuse(text, "a number from 0 up, such as 0.001");
+  }
+  return numbers->front();
+}
+
+Result<std::vector<double>> parse_lengths(std::string_view text) {
+  auto numbers = parse_numbers(text);
+  if (!numbers || std::any_of(numbers->begin(), numbers->end(), [](double value) { return value <= 0; })) {
+    return refuse(text, "a list of numbers above 0, such as 0.01,0.1");
+  }
+  return numbers;
 }
 
 }  // namespace raymill::client

@@ -25,4 +25,9 @@ Result<Extent> parse_extent(std::string_view text);
 /// "1,2.5,-3e4": finite numbers separated by commas.
 Result<std::vector<double>> parse_numbers(std::string_view text);
 
+/// "0.001": a length or another finite number, 0 or more.
+Result<double> parse_length(std::string_view text);
+/// "0.1,1,10": such numbers, none of them 0.
+Result<std::vector<double>> parse_lengths(std::string_view text);
+
 }  // namespace raymill::client

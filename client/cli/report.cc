@@ -132,6 +132,7 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"nodes_visited", stats.nodes_visited},
           {"triangles_tested", stats.triangles_tested},
           {"pages_entered", stats.pages_entered},
+          {"proxies_taken", stats.proxies_taken},
           {"rays_parked", stats.rays_parked},
           {"hit_rate", stats.pages_entered > 0 ? 1 - double(stats.rays_parked) / double(stats.pages_entered) : 0.0},
           {"peak_in_flight", stats.peak_in_flight},
@@ -180,8 +181,10 @@ json info_json(const StoreInfo& info, const InfoExtras& extras) {
   for (const char* key : {"import", "geometries", "cameras"}) {
     object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
   }
-  if (metadata.is_object() && metadata.contains("volumes")) {
-    object["volumes"] = metadata["volumes"];
+  for (const char* key : {"volumes", "lattice"}) {
+    if (metadata.is_object() && metadata.contains(key)) {
+      object[key] = metadata[key];
+    }
   }
   return object;
 }
@@ -220,6 +223,11 @@ std::string info_text(const StoreInfo& info, const InfoExtras& extras) {
       text += line("volume", volume_text(volume));
     }
   }
+  if (metadata.is_object() && metadata.contains("lattice") && metadata["lattice"].is_object()) {
+    text += line("displacement", formatted("at most %g", metadata["lattice"].value("max_displacement", 0.0)) +
+                                     formatted(", root of the mean square %g scene units",
+                                               metadata["lattice"].value("rms_displacement", 0.0)));
+  }
   if (metadata.is_object() && metadata.contains("cameras")) {
     for (const json& camera : metadata["cameras"]) {
       text += line("camera", camera.is_object() ? camera.value("name", "") : "");
@@ -250,6 +258,7 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"sah_cost", report.sah_cost},
       {"max_displacement", report.max_displacement},
       {"origin", report.origin},
+      {"rms_displacement", report.rms_displacement},
       {"seconds",
        {{"import", report.import_seconds}, {"partition", report.partition_seconds}, {"build", report.build_seconds}}},
       {"triangles_per_second", double(report.triangles) / std::max(build_seconds(report), 1e-9)},
@@ -281,7 +290,8 @@ std::string build_text(const BuildReport& report, const std::string& output) {
     text += "positions are kept relative to " + point(report.origin) + "\n";
   }
   if (report.max_displacement > 0) {
-    text += formatted("largest displacement of a vertex: %g scene units\n", report.max_displacement);
+    text += formatted("largest displacement of a vertex: %g scene units", report.max_displacement) +
+            formatted(", root of the mean square %g\n", report.rms_displacement);
   }
   const json import = parsed(report.import_json);
   if (import.is_object() && import.contains("counts")) {

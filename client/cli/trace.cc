@@ -51,6 +51,9 @@ nlohmann::json run_of(const TraceOptions& options, const RayFileReader& reader, 
   if (options.query.config.query == Query::transmittance) {
     run["volume"] = {to_string(volume.method), volume.step, volume.density_scale, volume.seed, volume.majorant};
   }
+  if (const TraceConfig& config = options.query.config; config.tolerance != 0 || config.tolerance_angle != 0) {
+    run["tolerance"] = {config.tolerance, config.tolerance_angle};
+  }
   return run;
 }
 
@@ -217,6 +220,7 @@ Verb add_trace(CLI::App& app) {
   add_columns(*verb, *options);
   options->query.add_to(*verb);
   options->query.add_lists_to(*verb);
+  options->query.add_tolerance_to(*verb);
   options->query.add_volumes_to(*verb);
   options->service.add_to(*verb);
   add_progress_option(*verb, options->progress);

@@ -46,6 +46,11 @@ Result<std::optional<Frame>> masks_frame(const TraceConfig& config) {
 
 Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> context, const ClientConfig& config,
                                                 const JobRequest& request) {
+  if (request.trace.tolerance != 0 || request.trace.tolerance_angle != 0) {
+    return {
+        ErrorCode::unsupported,
+        "a server gives no answers within a tolerance; trace them on this machine, by an Engine or without --server"};
+  }
   RAYMILL_ASSIGN_OR_RETURN(std::optional<Frame> masks, masks_frame(request.trace));
   std::unique_ptr<JobLink> link(new JobLink);
   Handlers handlers{.message = [raw = link.get()](ServerPacket&& packet) { raw->on_message(std::move(packet)); },

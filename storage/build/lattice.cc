@@ -11,6 +11,7 @@ constexpr unsigned kMinBits = 4;
 constexpr unsigned kMaxBits = 30;
 constexpr int kMaxExponent = 120;
 constexpr double kMostSteps = 2147483647.0;
+constexpr int kSquareBits = 28;
 
 Status bad_request(const std::string& text) {
   return {ErrorCode::invalid_argument, "--positions " + text +
@@ -89,8 +90,15 @@ Lattice::Outcome Lattice::snap(Triangle& t) {
       corner[axis] = snapped;
     }
     max_displacement_ = std::max(max_displacement_, std::sqrt(square));
+    // At most 3/4 of a square step each: the sum holds 2^36 corners.
+    squares_ += static_cast<std::uint64_t>(std::ldexp(square / step_ / step_, kSquareBits));
+    ++corners_;
   }
   return degenerate(t) ? Outcome::degenerate : Outcome::kept;
+}
+
+double Lattice::rms_displacement() const {
+  return corners_ == 0 ? 0 : step_ * std::sqrt(std::ldexp(double(squares_), -kSquareBits) / double(corners_));
 }
 
 Status Lattice::out_of_range(const Triangle& t) const {

@@ -37,6 +37,9 @@ class Lattice {
   [[nodiscard]] std::int32_t step_exponent() const { return step_exponent_; }
   /// Of a vertex so far, scene units.
   [[nodiscard]] double max_displacement() const { return max_displacement_; }
+  /// Root of the mean square over the corners of all triangles so far, scene units; the same in whatever order they
+  /// came, for their squares are summed as whole numbers.
+  [[nodiscard]] double rms_displacement() const;
   /// Puts the corners on the lattice. A triangle that is out of range is left half done.
   Outcome snap(Triangle& t);
   /// The sentence for a triangle that was out of range: invalid_argument.
@@ -47,6 +50,8 @@ class Lattice {
   std::int32_t step_exponent_ = 0;
   double step_ = 1;
   double max_displacement_ = 0;
+  std::uint64_t squares_ = 0;  // of displacements, in 2^-28 square steps
+  std::uint64_t corners_ = 0;
 };
 
 struct LatticeResult {

@@ -31,6 +31,17 @@ struct WideNode {
   [[nodiscard]] bool is_outer(unsigned slot) const { return (outer >> slot & 1) != 0; }
 };
 
+/// The union of its children's boxes.
+inline Aabb node_box(const WideNode& node, unsigned width) {
+  Aabb all;
+  for (unsigned slot = 0; slot < width; ++slot) {
+    if (node.has(slot)) {
+      all.grow(node.boxes[slot]);
+    }
+  }
+  return all;
+}
+
 struct WideTree {
   unsigned width = 8;
   std::vector<WideNode> nodes;      ///< nodes[0] is the root; depth first

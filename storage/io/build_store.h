@@ -28,6 +28,7 @@ struct BuildConfig {
   std::uint32_t page_bytes = 64 << 10;  ///< decoded size limit of a page, 16 KiB to 1 MiB
   std::string instances = "auto";  ///< which meshes are stored once and placed: "auto" (where that takes at most half
                                    ///< the bytes), "always", "never"
+  bool proxies = false;  ///< store what stands for subtrees, for jobs with a tolerance (TraceConfig::tolerance)
   std::vector<std::string> volume_transforms =
       {};                                      ///< of .vdb scenes in their order, rows of a 3 x 4 matrix, "1,0,..."
   std::string volume_values = "float32";       ///< or "lattice:STEP": rounded to multiples of a power of two
@@ -56,6 +57,7 @@ struct BuildReport {
   std::array<double, 3> origin{};     ///< what positions are relative to, in the world
   double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
   double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
+  double rms_displacement = 0;        ///< the same, root of the mean square over the corners of all triangles
   std::uint64_t runs = 0;             ///< parts of the scene that were built one by one
   unsigned runs_at_once = 0;          ///< as memory and threads allowed
   std::uint64_t temporary_bytes = 0;  ///< of the nameless temporary file at its largest; 0: none was needed

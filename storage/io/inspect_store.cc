@@ -21,6 +21,20 @@ constexpr std::uint64_t kInspectBudgetBytes = gibibytes(4);
 
 using DirectBuffer = std::vector<std::byte, AlignedAllocator<std::byte, kDirectBlockBytes>>;
 
+nlohmann::ordered_json proxy_json(const Proxy& proxy) {
+  std::array<float, 3> area{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    area[axis] = from_half_digits(proxy.area[axis]);
+  }
+  return {{"area", area},
+          {"mixed", proxy.mixed},
+          {"normal", proxy.normal},
+          {"coverage", proxy.coverage},
+          {"several_geometries", proxy.several != 0},
+          {"geometry_id", proxy.geometry_id},
+          {"primitive_id", proxy.primitive_id}};
+}
+
 template <int N>
 nlohmann::ordered_json nodes_json(const PageView& view) {
   auto nodes = nlohmann::ordered_json::array();
@@ -58,6 +72,9 @@ nlohmann::ordered_json nodes_json(const PageView& view) {
         }
         if (ref.kind == ExternalKind::leaf) {
           child["leaf_slot"] = ref.slot;
+        }
+        if (ref.kind == ExternalKind::proxied) {
+          child["proxy"] = proxy_json(view.proxies()[node.child[slot]]);
         }
       } else {
         child["node"] = node.child[slot];

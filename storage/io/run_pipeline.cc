@@ -114,7 +114,8 @@ Status RunPipeline::write_top() {
   const auto run_count = static_cast<std::uint32_t>(partition_.runs.size());
   PagePlan plan;
   if (!top_.tree.nodes.empty()) {
-    RAYMILL_ASSIGN_OR_RETURN(plan, plan_pages(top_.tree, page_cost(config_.width, config_.page_bytes)));
+    RAYMILL_ASSIGN_OR_RETURN(plan,
+                             plan_pages(top_.tree, page_cost(config_.width, config_.page_bytes, 0, config_.proxies)));
   }
   const auto top_pages = static_cast<std::uint32_t>(plan.pages.size());
   next_page_ = config_.first_page + top_pages + run_count;
@@ -124,7 +125,9 @@ Status RunPipeline::write_top() {
   if (top_pages == 0) {
     return {};
   }
-  const TreePlace place{{}, {config_.first_page, config_.first_page + 1}, &run_root_pages_, {}};
+  const ProxyTable none;  // a run's root is always entered: what is below it is not known yet
+  const TreePlace place{
+      {}, {config_.first_page, config_.first_page + 1}, &run_root_pages_, {}, config_.proxies ? &none : nullptr};
   const PageAssembler assembler(top_.tree, plan, place);
   for (std::uint32_t node = 0; node < top_.tree.nodes.size(); ++node) {
     top_nodes_.push_back(assembler.outer_node(node));
@@ -167,8 +170,8 @@ Status RunPipeline::build_tree(Run& run) const {
   }
   run.place.instances = run.instances;
   const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
-  const PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors)
-                                  : page_cost(config_.width, config_.page_bytes, ancestors);
+  const PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies)
+                                  : page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies);
   RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, cost));
   return {};
 }
@@ -184,7 +187,18 @@ void RunPipeline::number(Run& run) {
   next_page_ += static_cast<std::uint32_t>(others);
 }
 
+ProxyTable RunPipeline::proxies_of(const WideTree& tree, const PagePlan& plan) const {
+  return {tree, plan, [](std::size_t count, const std::function<void(std::size_t)>& work) {
+            tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, work); });
+          }};
+}
+
 void RunPipeline::encode(Run& run) {
+  ProxyTable proxies;
+  if (config_.proxies) {
+    proxies = run.instances.empty() ? proxies_of(run.tree, run.plan) : ProxyTable();
+    run.place.proxies = &proxies;
+  }
   const PageAssembler assembler(run.tree, run.plan, run.place);
   run.pages = encode_pages(assembler, run.plan.pages.size());
 }

@@ -49,6 +49,7 @@ class RunPipeline {
     std::uint32_t page_bytes = 0;
     Codec codec = Codec::zstd;
     PositionKind positions;
+    bool proxies = false;
     unsigned threads = 1;
     unsigned runs_at_once = 1;
     std::uint32_t first_page = 0;
@@ -77,6 +78,7 @@ class RunPipeline {
   struct Run;
 
   Status write_top();
+  [[nodiscard]] ProxyTable proxies_of(const WideTree& tree, const PagePlan& plan) const;
   void build(Run& run) const;
   Status build_tree(Run& run) const;
   void number(Run& run);

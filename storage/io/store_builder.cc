@@ -264,6 +264,9 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
     header.origin_steps = origin_.steps;
     header.origin_exponent = origin_.exponent;
   }
+  if (config_.proxies) {
+    header.features |= static_cast<std::uint64_t>(Feature::proxies);
+  }
   header.page_bytes = config_.page_bytes;
   header.width = static_cast<std::uint8_t>(config_.width);
   header.codec = static_cast<std::uint8_t>(plan_.codec);
@@ -279,6 +282,7 @@ Result<BuildReport> StoreBuilder::finish() {
   RAYMILL_ASSIGN_OR_RETURN(const Partition parts, partition(lattice));
   report_.import_json = to_json(import_report_);
   report_.max_displacement = lattice.max_displacement();
+  report_.rms_displacement = lattice.rms_displacement();
   report_.partition_seconds = seconds_since(partition_start);
   if (parts.runs.empty() && volumes_.empty()) {
     return {ErrorCode::bad_scene,
@@ -308,7 +312,9 @@ Result<BuildReport> StoreBuilder::finish() {
 
 // A scene of volumes alone.
 Result<BuildReport> StoreBuilder::finish_without_triangles(const Lattice& lattice, Clock::time_point build_start) {
-  RAYMILL_ASSIGN_OR_RETURN(StoreFileWriter writer, StoreFileWriter::create(config_.output, header(lattice)));
+  StoreHeader of_volumes = header(lattice);
+  of_volumes.features &= ~static_cast<std::uint64_t>(Feature::proxies);  // which stand for triangles
+  RAYMILL_ASSIGN_OR_RETURN(StoreFileWriter writer, StoreFileWriter::create(config_.output, of_volumes));
   StoreFooter footer;
   footer.geometry_count = import_report_.geometry_count;
   RAYMILL_RETURN_IF_ERROR(volumes_.write_empty_root(writer, footer));
@@ -329,7 +335,9 @@ Result<BuildReport> StoreBuilder::finish_file(StoreFileWriter& writer, StoreFoot
   report_.origin = origin_.position();
   report_.decoded_bytes = writer.decoded_bytes();
   report_.pages = writer.page_count();
-  RAYMILL_RETURN_IF_ERROR(writer.finish(footer, metadata_json(import_report_)));
+  RAYMILL_RETURN_IF_ERROR(
+      writer.finish(footer, metadata_json(import_report_, {plan_.positions.kind != PositionsRequest::Kind::float32,
+                                                           report_.max_displacement, report_.rms_displacement})));
   report_.store_bytes = writer.written_bytes();
   report_.temporary_bytes = blocks_.file_bytes();
   report_.temporary_folder = blocks_.folder();

@@ -82,7 +82,8 @@ Result<TreeTotals> StoreBuilder::write_tree(const Partition& parts, LevelRange l
   std::uint64_t a_run = 0;
   for (std::size_t run = 0; run < parts.runs.size(); ++run) {
     const std::uint64_t count = parts.runs[run].count;
-    a_run = std::max(a_run, run_build_bytes(count) + (parts.holds_instances(run) ? instance_run_bytes(count) : 0));
+    a_run = std::max(a_run, run_build_bytes(count) + (parts.holds_instances(run) ? instance_run_bytes(count) : 0) +
+                                (config_.proxies ? ProxyTable::bytes(count) : 0));
   }
   // The directory grows by doubling; decoded pages hold 20 bytes a triangle or more.
   const std::uint64_t count = parts.nodes[0].count;
@@ -101,8 +102,8 @@ Result<TreeTotals> StoreBuilder::write_tree(const Partition& parts, LevelRange l
     return needs(count, base_.bytes() + blocks_.memory_bytes() + directory + a_page + a_run);
   }
   report_.runs_at_once = runs_at_once;
-  RunPipeline::Config config{config_.width, config_.page_bytes, plan_.codec, positions, threads,
-                             runs_at_once,  next_page,          {},          {}};
+  RunPipeline::Config config{config_.width, config_.page_bytes, plan_.codec, positions, config_.proxies,
+                             threads,       runs_at_once,       next_page,   {},        {}};
   config.instance = [this](std::uint32_t number) { return instance(number); };
   config.progress = [&](std::uint64_t done) { return step("build", double(in_trees_ + done) / double(in_all_)); };
   RunPipeline pipeline(config, blocks_, parts, top, writer);

@@ -44,6 +44,7 @@ class StoreFile {
   [[nodiscard]] bool has_volumes() const {
     return (header_.features & static_cast<std::uint64_t>(Feature::volumes)) != 0;
   }
+  [[nodiscard]] bool has_proxies() const { return has(header_.features, Feature::proxies); }
   [[nodiscard]] PositionKind positions() const;
   /// "float32" or "lattice:STEP".
   [[nodiscard]] std::string positions_text() const;

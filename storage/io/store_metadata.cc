@@ -6,7 +6,7 @@
 
 namespace raymill::storage {
 
-std::string metadata_json(const ImportReport& report) {
+std::string metadata_json(const ImportReport& report, const LatticeFigures& lattice) {
   nlohmann::ordered_json json;
   json["geometries"] = nlohmann::ordered_json::array();
   for (const GeometryInfo& geometry : report.geometries) {
@@ -39,6 +39,9 @@ std::string metadata_json(const ImportReport& report) {
                                {"active_voxels", volume.active_voxels},
                                {"origin", volume.origin},
                                {"cells", volume.cells}});
+  }
+  if (lattice.active) {
+    json["lattice"] = {{"max_displacement", lattice.max_displacement}, {"rms_displacement", lattice.rms_displacement}};
   }
   json["import"] = nlohmann::ordered_json::parse(to_json(report));
   // Names come from the scene file and may not be UTF-8.

@@ -7,7 +7,15 @@
 
 namespace raymill::storage {
 
-/// {"geometries":[{"geometry_id","file","node","mesh","primitive","triangles","kept"}],"cameras":[...],"import":{...}}
-std::string metadata_json(const ImportReport& report);
+/// What the lattice did to positions.
+struct LatticeFigures {
+  bool active = false;
+  double max_displacement = 0;  ///< scene units; of an object's vertices in its own space
+  double rms_displacement = 0;
+};
+
+/// {"geometries":[{"geometry_id","file","node","mesh","primitive","triangles","kept"}],"cameras":[...],"import":{...}},
+/// on a lattice also "lattice":{"max_displacement","rms_displacement"}
+std::string metadata_json(const ImportReport& report, const LatticeFigures& lattice);
 
 }  // namespace raymill::storage

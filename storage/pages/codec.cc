@@ -16,6 +16,7 @@ namespace {
 
 PageHeader page_header(const EncodedHeader& encoded) {
   PageHeader header;
+  header.page_type = encoded.page_type;
   header.width = encoded.width;
   header.geometry_index_bytes = encoded.geometry_index_bytes;
   header.node_count = encoded.node_count;
@@ -34,7 +35,7 @@ Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page
 Status check_header(const EncodedHeader& header, const PageRules& rules) {
   // Everything inside a page is numbered with 16 bits.
   constexpr std::uint32_t kMost = 0x10000;
-  const bool known = header.page_type == kPageTypeTriangles &&
+  const bool known = header.page_type == (rules.proxies ? kPageTypeProxies : kPageTypeTriangles) &&
                      header.codec <= static_cast<std::uint8_t>(Codec::draco) && header.width == rules.width &&
                      header.geometry_index_bytes <= 2 && header.reserved == 0;
   const bool in_range = header.external_count <= kMost && header.triangle_count <= kMost &&

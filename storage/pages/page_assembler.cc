@@ -91,7 +91,7 @@ class Assembly {
     node.parent = ghost.parent;
     for (unsigned slot = 0; slot < N; ++slot) {
       if (ghost.source->node.has(slot)) {
-        refer(node, slot, ghost.source->children[slot]);
+        refer(node, slot, ghost.source->children[slot], ghost.source->proxies[slot]);
       }
     }
     return fill_boxes(node, ghost.source->node);
@@ -111,16 +111,19 @@ class Assembly {
     return fill_boxes(node, source);
   }
 
-  void refer(Node<N>& node, unsigned slot, const ExternalRef& ref) {
+  void refer(Node<N>& node, unsigned slot, const ExternalRef& ref, const Proxy& proxy) {
     node.external = static_cast<std::uint8_t>(node.external | 1U << slot);
     node.child[slot] = static_cast<std::uint16_t>(externals_.size());
     externals_.push_back(ref);
+    if (place_.proxies != nullptr) {
+      proxies_.push_back(proxy);
+    }
   }
 
   void fill_child(Node<N>& node, std::uint32_t index, unsigned slot) {
     const WideNode& source = tree_.nodes[index];
     if (source.is_leaf(slot) && !place_.instances.empty()) {
-      refer(node, slot, {static_cast<std::uint32_t>(instances_.size()), 0, 0, ExternalKind::instance});
+      refer(node, slot, {static_cast<std::uint32_t>(instances_.size()), 0, 0, ExternalKind::instance}, {});
       instances_.push_back(place_.instances[source.child[slot]]);
     } else if (source.is_leaf(slot)) {
       node.leaf = static_cast<std::uint8_t>(node.leaf | 1U << slot);
@@ -132,17 +135,12 @@ class Assembly {
     } else if (source.is_inner(slot) && is_local(source.child[slot])) {
       node.child[slot] = local_index_[source.child[slot]];
     } else {
-      refer(node, slot, assembler_.reference_to(index, slot));
+      refer(node, slot, assembler_.reference_to(index, slot), assembler_.proxy_of(index, slot));
     }
   }
 
   Status fill_boxes(Node<N>& node, const WideNode& source) {
-    Aabb all;
-    for (unsigned slot = 0; slot < N; ++slot) {
-      if (source.has(slot)) {
-        all.grow(source.boxes[slot]);
-      }
-    }
+    const Aabb all = node_box(source, N);
     for (int axis = 0; axis < 3; ++axis) {
       const AxisFrame frame = choose_frame(all.lower[axis], all.upper[axis]);
       node.base[axis] = frame.base;
@@ -187,6 +185,7 @@ class Assembly {
     }
     positions.resize(vertex_count);
     PageHeader header;
+    header.page_type = place_.proxies != nullptr ? kPageTypeProxies : kPageTypeTriangles;
     header.width = N;
     header.node_count = static_cast<std::uint16_t>(locals_.size());
     header.ghost_count = static_cast<std::uint16_t>(ghosts_.size());
@@ -210,6 +209,7 @@ class Assembly {
     copy(header.vertices_offset, positions);
     copy(header.indices_offset, indices);
     copy(instances_offset(header), instances_);
+    copy(proxies_offset(header), proxies_);
     write_ids(header, geometries, image);
     return image;
   }
@@ -253,6 +253,7 @@ class Assembly {
   std::map<std::uint32_t, std::uint16_t> ghost_index_;
   std::vector<Node<N>> nodes_;
   std::vector<ExternalRef> externals_;
+  std::vector<Proxy> proxies_;            // [external], in stores that have them
   std::vector<std::uint32_t> triangles_;  // of the tree, in page order
   std::vector<Instance> instances_;
 };
@@ -306,11 +307,11 @@ Status check_boxes_of(const PageView& view) {
 
 }  // namespace
 
-PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors) {
+PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors, bool proxies) {
   PageCost cost;
   cost.page_bytes = page_bytes;
   cost.node_bytes = node_bytes(width);
-  cost.external_bytes = sizeof(ExternalRef);
+  cost.external_bytes = sizeof(ExternalRef) + (proxies ? sizeof(Proxy) : 0);
   cost.header_bytes = static_cast<std::uint32_t>(sizeof(PageHeader) + 8 * kPageAlignment +
                                                  ancestors * (cost.node_bytes + width * cost.external_bytes));
   cost.triangle_bytes = 3 * sizeof(std::uint16_t) + sizeof(std::uint32_t) + sizeof(std::uint16_t);
@@ -319,9 +320,9 @@ PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ances
   return cost;
 }
 
-PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors) {
-  PageCost cost = page_cost(width, page_bytes, ancestors);
-  cost.triangle_bytes = sizeof(Instance) + sizeof(ExternalRef);
+PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors, bool proxies) {
+  PageCost cost = page_cost(width, page_bytes, ancestors, proxies);
+  cost.triangle_bytes = sizeof(Instance) + cost.external_bytes;
   cost.vertex_bytes = cost.geometry_bytes = 0;
   return cost;
 }
@@ -374,14 +375,22 @@ ExternalRef PageAssembler::reference_to(std::uint32_t node, unsigned slot) const
   if (source.is_outer(slot)) {
     return {(*place_.run_root_pages)[child], 0, 0, ExternalKind::node};
   }
-  return {place_.numbers.of(plan_.page_of[child]), local_index_[child], 0, ExternalKind::node};
+  const bool proxied = place_.proxies != nullptr && place_.proxies->find(node, slot) != nullptr;
+  return {place_.numbers.of(plan_.page_of[child]), local_index_[child], 0,
+          proxied ? ExternalKind::proxied : ExternalKind::node};
+}
+
+Proxy PageAssembler::proxy_of(std::uint32_t node, unsigned slot) const {
+  const Proxy* proxy = place_.proxies != nullptr ? place_.proxies->find(node, slot) : nullptr;
+  return proxy != nullptr ? *proxy : Proxy();
 }
 
 OuterNode PageAssembler::outer_node(std::uint32_t node) const {
-  OuterNode outer{tree_.nodes[node], {}};
+  OuterNode outer{tree_.nodes[node], {}, {}};
   for (unsigned slot = 0; slot < tree_.width; ++slot) {
     if (outer.node.has(slot)) {
       outer.children[slot] = reference_to(node, slot);
+      outer.proxies[slot] = proxy_of(node, slot);
     }
   }
   return outer;

@@ -13,19 +13,22 @@
 #include "storage/build/page_plan.h"
 #include "storage/build/wide_tree.h"
 #include "storage/pages/page_image.h"
+#include "storage/pages/proxy_maker.h"
 
 namespace raymill::storage {
 
 /// What each thing costs in the decoded page, for plan_pages. `ancestors`: nodes above the tree, which each page
-/// copies.
-PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0);
+/// copies. `proxies`: whether the store has them.
+PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0, bool proxies = false);
 /// The same for a tree over instances, each of which stands in its place as a triangle would.
-PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0);
+PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0,
+                            bool proxies = false);
 
 /// A node above the tree that is assembled: what its ghosts in the tree's pages are made of.
 struct OuterNode {
   WideNode node;
   std::array<ExternalRef, kMaxWidth> children;  ///< for each slot that holds a child
+  std::array<Proxy, kMaxWidth> proxies;         ///< for each reference of kind proxied
 };
 
 /// The ids that a tree's pages have in the store. The root's page is numbered on its own, so that it can be referred to
@@ -42,6 +45,7 @@ struct TreePlace {
   PageNumbers numbers;
   const std::vector<std::uint32_t>* run_root_pages = nullptr;  ///< [run]: where an outer child's root is node 0
   std::span<const Instance> instances;                         ///< [triangle]: what stands for it; else empty
+  const ProxyTable* proxies = nullptr;                         ///< of the tree; null: the store has none
 };
 
 class PageAssembler {
@@ -51,6 +55,8 @@ class PageAssembler {
 
   /// How other pages refer to a node's child.
   [[nodiscard]] ExternalRef reference_to(std::uint32_t node, unsigned slot) const;
+  /// What stands for that child, where the reference is proxied.
+  [[nodiscard]] Proxy proxy_of(std::uint32_t node, unsigned slot) const;
   /// Vertex in its page of a triangle's corner: vertices are numbered by first use.
   [[nodiscard]] std::uint16_t vertex_of(std::size_t triangle, std::size_t corner) const {
     return vertex_of_corner_[triangle * 3 + corner];

@@ -16,6 +16,7 @@ constexpr int kZstdLevel = 5;
 
 EncodedHeader encoded_header(const PageHeader& header, Codec codec) {
   EncodedHeader encoded;
+  encoded.page_type = header.page_type;
   encoded.codec = static_cast<std::uint8_t>(codec);
   encoded.width = header.width;
   encoded.geometry_index_bytes = header.geometry_index_bytes;

@@ -102,7 +102,7 @@ class NodeChecker {
 };
 
 Status check_header(const PageHeader& header, std::size_t image_bytes, const PageRules& rules) {
-  if (header.magic != kPageMagic || header.page_type != kPageTypeTriangles) {
+  if (header.magic != kPageMagic || header.page_type != (rules.proxies ? kPageTypeProxies : kPageTypeTriangles)) {
     return bad("is of no known type");
   }
   if (header.width != rules.width || header.geometry_index_bytes > 2) {
@@ -142,14 +142,25 @@ const char* fault_of(const Instance& instance, const PageRules& rules) {
   return nullptr;
 }
 
+// Areas must be finite and not negative, so that an opacity is a number.
+bool fault_of(const Proxy& proxy, const PageRules& rules) {
+  constexpr std::uint16_t kInfinity = 0x7F80;
+  return std::any_of(proxy.area.begin(), proxy.area.end(), [](std::uint16_t bits) { return bits >= kInfinity; }) ||
+         proxy.several > 1 || proxy.geometry_id >= rules.geometry_count;
+}
+
 Status check_arrays(const PageView& view, const PageRules& rules) {
   const PageHeader& header = view.header();
   for (std::uint32_t i = 0; i < header.external_count; ++i) {
     const ExternalRef& ref = view.externals()[i];
     const bool instance = ref.kind == ExternalKind::instance;
+    const bool proxied = ref.kind == ExternalKind::proxied && rules.proxies;
     if (ref.page >= (instance ? header.instance_count : rules.page_count) || ref.slot >= rules.width ||
-        (!instance && ref.kind != ExternalKind::node && ref.kind != ExternalKind::leaf)) {
+        (!instance && !proxied && ref.kind != ExternalKind::node && ref.kind != ExternalKind::leaf)) {
       return bad("refers to a page that is not there");
+    }
+    if (proxied && fault_of(view.proxies()[i], rules)) {
+      return bad("has a proxy that cannot be");
     }
   }
   for (std::uint32_t i = 0; i < header.instance_count; ++i) {
@@ -203,12 +214,20 @@ void lay_out(PageHeader& header) {
   place(header.primitive_ids_offset, std::uint64_t(header.triangle_count) * sizeof(std::uint32_t));
   place(header.geometries_offset, std::uint64_t(header.geometry_count) * sizeof(std::uint32_t));
   place(header.geometry_indices_offset, std::uint64_t(header.triangle_count) * header.geometry_index_bytes);
-  header.image_bytes = align(align(offset) + std::uint64_t(header.instance_count) * sizeof(Instance));
+  offset = align(offset) + std::uint64_t(header.instance_count) * sizeof(Instance);
+  if (header.page_type == kPageTypeProxies) {
+    offset = align(offset) + std::uint64_t(header.external_count) * sizeof(Proxy);
+  }
+  header.image_bytes = align(offset);
 }
 
 std::uint32_t instances_offset(const PageHeader& header) {
   return align(std::uint64_t(header.geometry_indices_offset) +
                std::uint64_t(header.triangle_count) * header.geometry_index_bytes);
+}
+
+std::uint32_t proxies_offset(const PageHeader& header) {
+  return align(instances_offset(header) + std::uint64_t(header.instance_count) * sizeof(Instance));
 }
 
 Status validate_image(std::span<const std::byte> image, const PageRules& rules) {

@@ -1,6 +1,7 @@
 // The decoded page: what stands in memory while rays run through it.
 //
-//   PageHeader | nodes, ghosts | external references | vertices | indices | primitive ids | geometry ids | instances
+//   PageHeader | nodes, ghosts | external references | vertices | indices | primitive ids | geometry ids | instances |
+//   proxies
 //
 // A page is one relocatable image without pointers. Local nodes come first, then ghosts: copies of ancestors that stand
 // in other pages, whose children are all external references. The ghosts of a node's parent chain are the escape
@@ -18,11 +19,13 @@
 #include "storage/base/status.h"
 #include "storage/base/types.h"
 #include "storage/base/vec3.h"
+#include "storage/pages/proxy.h"
 
 namespace raymill::storage {
 
 constexpr std::uint32_t kPageMagic = 0x47504D52;  // "RMPG"
 constexpr std::uint16_t kPageTypeTriangles = 1;   // 0 is reserved: a page of zeros is never valid
+constexpr std::uint16_t kPageTypeProxies = 8;     // triangles, and a proxy beside each external reference
 constexpr std::uint16_t kNoParent = 0xFFFF;
 constexpr std::size_t kPageAlignment = 32;
 
@@ -45,7 +48,7 @@ struct PageHeader {
   std::uint32_t primitive_ids_offset = 0;
   std::uint32_t geometries_offset = 0;
   std::uint32_t geometry_indices_offset = 0;
-  std::uint32_t instance_count = 0;  ///< they stand last: instances_offset()
+  std::uint32_t instance_count = 0;  ///< instances_offset(); where there are proxies, they come after these
 };
 static_assert(sizeof(PageHeader) == 64 && std::is_trivially_copyable_v<PageHeader>);
 /// Nodes come first, so a reference's target is known without a look at the header.
@@ -57,7 +60,10 @@ enum class ExternalKind : std::uint8_t {
   node = 0,      ///< enter the node
   leaf = 1,      ///< test the leaf in `slot` of the node, or enter the instance there
   instance = 2,  ///< enter an instance of this page: `page` is its number in the page's table
+  proxied = 3,   ///< enter the node, or take what stands for it: the proxy of the same index
 };
+/// Whether a ray that goes there enters the node that is named.
+constexpr bool leads_to_node(ExternalKind kind) { return kind == ExternalKind::node || kind == ExternalKind::proxied; }
 
 struct ExternalRef {
   std::uint32_t page = 0;
@@ -114,6 +120,8 @@ inline float decode_plane(float base, float scale, std::uint8_t q) { return base
 void lay_out(PageHeader& header);
 /// Where the instances stand.
 std::uint32_t instances_offset(const PageHeader& header);
+/// Where the proxies of a page of kPageTypeProxies stand, one for each external reference.
+std::uint32_t proxies_offset(const PageHeader& header);
 
 /// Typed access to an image. Immutable view; the image must outlive it.
 class PageView {
@@ -145,6 +153,8 @@ class PageView {
     }
   }
   [[nodiscard]] const Instance* instances() const { return at<Instance>(instances_offset(header())); }
+  [[nodiscard]] bool has_proxies() const { return header().page_type == kPageTypeProxies; }
+  [[nodiscard]] const Proxy* proxies() const { return at<Proxy>(proxies_offset(header())); }
 
  private:
   template <typename T>
@@ -163,6 +173,7 @@ struct PageRules {
   std::uint32_t page_count = 0;
   std::uint64_t geometry_count = 0;
   bool volumes = false;  ///< there are pages of volumes too
+  bool proxies = false;  ///< all pages of triangles have them
 };
 
 /// Checks every index, count and offset of an image, so that traversal may follow them blindly inside the page. What

@@ -152,7 +152,25 @@ void read_nodes(PlaneReader& in, std::byte* image) {
 }
 
 // In the place of slot and kind.
-constexpr std::uint8_t kInstanceCode = 0x80;
+constexpr std::uint8_t kInstanceCode = 0x80, kProxiedCode = 0x81;
+
+std::uint8_t code_of(const ExternalRef& ref) {
+  switch (ref.kind) {
+    case ExternalKind::instance:
+      return kInstanceCode;
+    case ExternalKind::proxied:
+      return kProxiedCode;
+    default:
+      return static_cast<std::uint8_t>(ref.slot << 1 | static_cast<std::uint8_t>(ref.kind));
+  }
+}
+
+ExternalRef reference_of(std::uint32_t page, std::uint16_t node, std::uint8_t code) {
+  if (code == kInstanceCode || code == kProxiedCode) {
+    return {page, node, 0, code == kInstanceCode ? ExternalKind::instance : ExternalKind::proxied};
+  }
+  return {page, node, static_cast<std::uint8_t>(code >> 1), static_cast<ExternalKind>(code & 1)};
+}
 
 void write_externals(const PageView& view, PlaneWriter& out) {
   const std::size_t count = view.header().external_count;
@@ -165,9 +183,7 @@ void write_externals(const PageView& view, PlaneWriter& out) {
     pages[i] = zigzag(ref.page - last);
     last = ref.page;
     nodes[i] = ref.node;
-    slots[i] = ref.kind == ExternalKind::instance
-                   ? kInstanceCode
-                   : static_cast<std::uint8_t>(ref.slot << 1 | static_cast<std::uint8_t>(ref.kind));
+    slots[i] = code_of(ref);
   }
   out.put(std::span<const std::uint32_t>(pages));
   out.put(std::span<const std::uint16_t>(nodes));
@@ -187,9 +203,7 @@ void read_externals(PlaneReader& in, std::byte* image) {
   std::uint32_t last = 0;
   for (std::size_t i = 0; i < count; ++i) {
     last += unzigzag(pages[i]);
-    refs[i] = slots[i] == kInstanceCode ? ExternalRef{last, nodes[i], 0, ExternalKind::instance}
-                                        : ExternalRef{last, nodes[i], static_cast<std::uint8_t>(slots[i] >> 1),
-                                                      static_cast<ExternalKind>(slots[i] & 1)};
+    refs[i] = reference_of(last, nodes[i], slots[i]);
   }
 }
 
@@ -240,6 +254,57 @@ void read_instances(PlaneReader& in, std::byte* image) {
   }
 }
 
+// Those of proxied references alone: the others are zeros. Byte by byte over all of them, but for the ids.
+constexpr std::size_t kProxyBytes = offsetof(Proxy, geometry_id);
+
+std::vector<std::uint32_t> proxied_references(const PageView& view) {
+  std::vector<std::uint32_t> indices;
+  for (std::uint32_t i = 0; view.has_proxies() && i < view.header().external_count; ++i) {
+    if (view.externals()[i].kind == ExternalKind::proxied) {
+      indices.push_back(i);
+    }
+  }
+  return indices;
+}
+
+void write_proxies(const PageView& view, PlaneWriter& out) {
+  const std::vector<std::uint32_t> indices = proxied_references(view);
+  std::vector<std::uint8_t> bytes(indices.size());
+  for (std::size_t byte = 0; byte < kProxyBytes && !indices.empty(); ++byte) {
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+      bytes[i] = reinterpret_cast<const std::uint8_t*>(view.proxies() + indices[i])[byte];
+    }
+    out.put(std::span<const std::uint8_t>(bytes));
+  }
+  std::vector<std::uint32_t> ids(indices.size());
+  for (const auto member : {&Proxy::geometry_id, &Proxy::primitive_id}) {
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+      ids[i] = view.proxies()[indices[i]].*member;
+    }
+    write_deltas(ids, out);
+  }
+}
+
+void read_proxies(PlaneReader& in, std::byte* image) {
+  const PageView view(image);
+  const std::vector<std::uint32_t> indices = proxied_references(view);
+  auto* proxies = array_at<Proxy>(image, proxies_offset(view.header()));
+  std::vector<std::uint8_t> bytes(indices.size());
+  for (std::size_t byte = 0; byte < kProxyBytes && !indices.empty(); ++byte) {
+    in.get(std::span(bytes));
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+      reinterpret_cast<std::uint8_t*>(proxies + indices[i])[byte] = bytes[i];
+    }
+  }
+  std::vector<std::uint32_t> ids(indices.size());
+  for (const auto member : {&Proxy::geometry_id, &Proxy::primitive_id}) {
+    read_deltas(in, ids);
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+      proxies[indices[i]].*member = ids[i];
+    }
+  }
+}
+
 }  // namespace
 
 std::uint32_t coordinate_code(float value, const PositionKind& kind) {
@@ -271,6 +336,9 @@ void write_structure(const PageView& view, std::vector<std::byte>& out) {
   writer.put(std::span(array_at<std::uint8_t>(image, header.geometry_indices_offset),
                        std::size_t(header.triangle_count) * header.geometry_index_bytes));
   write_instances(view, writer);
+  if (view.has_proxies()) {
+    write_proxies(view, writer);
+  }
 }
 
 void read_structure(PlaneReader& in, std::byte* image) {
@@ -286,6 +354,9 @@ void read_structure(PlaneReader& in, std::byte* image) {
   in.get(std::span(array_at<std::uint8_t>(image, header.geometry_indices_offset),
                    std::size_t(header.triangle_count) * header.geometry_index_bytes));
   read_instances(in, image);
+  if (PageView(image).has_proxies()) {
+    read_proxies(in, image);
+  }
 }
 
 void write_geometry(const PageView& view, const PositionKind& kind, std::vector<std::byte>& out) {

@@ -28,9 +28,10 @@ enum class Feature : std::uint64_t {
   lattice = 4,       ///< positions are multiples of the header's step
   instances = 8,     ///< objects are placed any number of times
   volumes = 32,      ///< the footer names a table of volumes
+  proxies = 128,     ///< pages hold what stands for subtrees that a ray does not enter
   origin = 256,      ///< positions are relative to the header's origin
 };
-constexpr std::uint64_t kKnownFeatures = 15 | 32 | 256;
+constexpr std::uint64_t kKnownFeatures = 15 | 32 | 128 | 256;
 constexpr bool has(std::uint64_t features, Feature feature) {
   return (features & static_cast<std::uint64_t>(feature)) != 0;
 }

@@ -38,6 +38,8 @@ void run_rays(const std::byte* image, const PageRules& rules) {
         ray.tfar = std::numeric_limits<float>::max();
         traversal::KernelContext context{images, touched, true, {}, false};
         context.object_level = rules.object_level;
+        const traversal::Footprint footprint{1, 0.5};
+        context.footprint = rules.proxies ? &footprint : nullptr;
         traversal::find_kernel(isa, {query, mode, rules.width})(context, {&ray, 1});
         // The one page is there, so nothing is left to wait for.
         if (!ray.done) {
@@ -55,7 +57,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   const std::uint8_t choice = data[0];
-  const PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, (choice & 8) != 0 ? 2u : 0u, kPageBytes, 1, 3};
+  PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, (choice & 8) != 0 ? 2u : 0u, kPageBytes, 1, 3};
+  rules.proxies = (choice & 16) != 0;
   const PositionKind positions{(choice & 2) != 0, -12};
   const auto bytes = std::as_bytes(std::span(data, size)).subspan(1);
   if ((choice & 4) != 0) {

@@ -102,10 +102,12 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
       KernelContext context{images.get(), touched.get(), true, {}, false};
       context.crossings = run.query == Query::all ? &crossings : nullptr;
       context.object_level = pages.rules.object_level;
+      context.footprint = run.footprint.length > 0 || run.footprint.angle > 0 ? &run.footprint : nullptr;
       kernel(context, together);
       result.corrupt = result.corrupt || context.corrupt;
       result.counters.nodes_visited += context.counters.nodes_visited;
       result.counters.triangles_tested += context.counters.triangles_tested;
+      result.counters.proxies_taken += context.counters.proxies_taken;
       for (RayState& state : together) {
         if (state.done) {
           result.hits[state.number] = state.hit;

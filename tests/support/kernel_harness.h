@@ -34,6 +34,7 @@ struct KernelRun {
   Residency residency = Residency::all;
   std::uint64_t seed = 1;
   std::size_t batch_rays = 1;  ///< rays that the kernel is given at once
+  traversal::Footprint footprint = {};
 };
 struct KernelHits {
   std::vector<Hit> hits;                       ///< of crossings, their count

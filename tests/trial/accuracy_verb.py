@@ -121,6 +121,35 @@ def in_little_memory(options, store):
     return problems
 
 
+def within_tolerances(options, folder, scene):
+    """A store with proxies is traced within each tolerance too, and told apart; the figures are those of hit files."""
+    store, rays = folder / "proxies.mill", folder / "rays.npy"
+    support.run(options.raymill, "build", scene, "-o", store, "--page-size", "16K", "--proxies")
+    told = accuracy(options, store, "--rays", rays, "--rounds", 1, "--tolerances", "2,20", "--tolerance-angles", "0.05",
+                    "--tolerance", 20, "--wrong-share", 1)
+    lines = told["settings"]
+    problems = [] if len(lines) == 3 + 2 * 3 else [f"{len(lines)} lines with tolerances"]
+    if told["fastest_within"]["tolerance"] + told["fastest_within"]["tolerance_angle"] > 20.05:
+        problems.append(f"with anything allowed it takes {told['fastest_within']}")
+    hits = {}
+    for name, words in {"truth": ["--mode", "exact"], "near": ["--tolerance", "20"]}.items():
+        support.run(options.raymill, "trace", store, rays, "-o", folder / "hits.npy", *words)
+        hits[name] = numpy.load(folder / "hits.npy")
+    line, = [one for one in lines if one["tolerance"] == 20 and one["mode"] == "watertight"]
+    should, does = numpy.isfinite(hits["truth"]["t"]), numpy.isfinite(hits["near"]["t"])
+    by_proxy = hits["near"]["u"] == -1
+    length = numpy.sqrt((numpy.load(rays)[:, 4:7].astype(float) ** 2).sum(axis=1)).astype("f4")
+    both = should & does
+    error = numpy.abs(hits["near"]["t"][both].astype(float) - hits["truth"]["t"][both]) * length[both]
+    expected = {"wrong_misses": int((should & ~does).sum()), "wrong_hits": int((~should & does).sum()),
+                "wrong_surfaces": int((error > 20).sum()), "proxy_hits": int(by_proxy.sum())}
+    if not by_proxy.any() or any(line[name] != expected[name] for name in expected):
+        problems.append(f"within 20 it tells {line}, the hit files say {expected}")
+    if any(one["tolerance"] and one["t_error_units"]["max"] > one["tolerance"] for one in lines):
+        problems.append("an error of t is larger than the tolerance")
+    return problems
+
+
 def plot(options, folder, stores):
     picture = folder / "plot.png"
     done = support.run(options.raymill, "accuracy", *stores, "--count", 1000, "--rounds", 1, "--plot", picture,
@@ -139,6 +168,7 @@ def refuse(options, folder, stores, other):
                       ([stores[0], "--rays", empty], 42), ([stores[0], "--rays", empty, "--count", "5"], 2),
                       ([stores[0], "--rays", folder / "none.npy"], 42), ([folder / "none.mill"], 42),
                       ([stores[0], other, "--count", "100"], 2), ([stores[0], "--tolerance", "-1"], 2),
+                      ([stores[0], "--tolerances", "0"], 2), ([stores[0], "--count", "100", "--tolerances", "1"], 2),
                       ([stores[0], "--tolerance", "much"], 2), ([stores[0], "--plot", folder / "p.jpg"], 2),
                       ([stores[0], "--camera", "nobody"], 2), ([stores[0], "--memory", "1M"], 33),
                       ([stores[0], "--count", "1000", "--temp", folder / "nowhere"], 75), ([], 2)]:
@@ -158,6 +188,7 @@ def main():
         support.run(options.raymill, "build", scene, "-o", stores[0], "--page-size", "16K")
         support.run(options.raymill, "build", scene, "-o", stores[1], "--page-size", "16K", "--positions", "lattice:12b")
         problems = compare(options, folder, stores) + closed(options, folder) + in_little_memory(options, stores[0])
+        problems += within_tolerances(options, folder, scene)
         problems += on_a_server(options, folder, stores)
         problems += plot(options, folder, stores) + refuse(options, folder, stores, folder / "box.mill")
     return support.ended(problems, "accuracy")

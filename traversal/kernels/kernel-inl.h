@@ -28,9 +28,11 @@
 #include "storage/pages/page_image.h"
 #include "traversal/kernel.h"
 #include "traversal/kernels/best_hit-inl.h"
+#include "traversal/kernels/boxes-inl.h"
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/instance-inl.h"
 #include "traversal/kernels/lane-inl.h"
+#include "traversal/kernels/proxy-inl.h"
 #include "traversal/kernels/slot_order-inl.h"
 #include "traversal/kernels/step_lists-inl.h"
 #include "traversal/kernels/triangle-inl.h"
@@ -39,27 +41,6 @@ namespace raymill::traversal::RAYMILL_ISA {
 
 using storage::ExternalKind;
 using storage::PageView;
-
-// The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar], and where it begins.
-template <int N, Mode kMode>
-[[gnu::always_inline]] inline unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar,
-                                                  std::array<float, N>& entries) {
-  auto interval = NearFar<N>::broadcast(begin_of<kMode>(tnear), std::numeric_limits<float>::infinity());
-  for (int axis = 0; axis < 3; ++axis) {
-    const float scale = std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23);
-    const auto planes = NearFar<N>::from_bytes(node.lower, node.upper, axis, (ray.octant >> axis & 1) != 0);
-    interval.tighten((planes * scale + node.base[axis] - ray.org[axis]) * ray.rdir[axis]);
-  }
-  Floats<N> exit = interval.far();
-  exit = exit + abs(exit) * Floats<N>::broadcast(kExitPad);
-  if constexpr (kMode == Mode::exact) {
-    exit = exit + Floats<N>::broadcast(kExactSlack);
-  }
-  interval.near().store(entries.data());
-  // In this order an exit of -inf, which the pad turns into NaN, is kept and compares false: the box lies behind, or
-  // beside an axis-parallel ray.
-  return less_equal(interval.near(), min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), exit)) & node.valid;
-}
 
 inline void prefetch(const void* address) { __builtin_prefetch(address); }
 
@@ -95,6 +76,7 @@ class Batch {
     context_.counters.nodes_visited += counters_.nodes_visited;
     context_.counters.triangles_tested += counters_.triangles_tested;
     context_.counters.pages_entered += counters_.pages_entered;
+    context_.counters.proxies_taken += counters_.proxies_taken;
   }
 
  private:
@@ -296,9 +278,15 @@ class Batch {
   void follow(RayLane* lane) {
     const Place<N> place = lane->places[lane->level];
     lane->ref = place.template at<ExternalRef>(place.externals)[place.node->child[lane->slot]];
-    if (lane->ref.kind == ExternalKind::instance) [[unlikely]] {
-      enter_instance(lane, place);
-      return;
+    if (lane->ref.kind >= ExternalKind::instance) [[unlikely]] {
+      if (lane->ref.kind == ExternalKind::instance) {
+        enter_instance(lane, place);
+        return;
+      }
+      if (context_.footprint != nullptr && take_proxy(lane, place)) {
+        return;
+      }
+      lane->ref.kind = ExternalKind::node;
     }
     const std::byte* image = image_of(lane->ref.page);
     if (image == nullptr && pass_over(lane)) {
@@ -323,6 +311,22 @@ class Batch {
     identify(*lane);
     lane->pack(resume, lane->ref.page, lane->ref.node);
     take_ray(lane);
+  }
+
+  // What stands for the subtree that a reference leads to answers, whether its page is there or not. False: the ray
+  // enters it.
+  [[gnu::noinline]] bool take_proxy(RayLane* lane, const Place<N>& place) {
+    const ProxyAnswer answer = ask_proxy<kQuery, kMode>(context_, *lane, place);
+    if (answer == ProxyAnswer::enter) {
+      return false;
+    }
+    ++counters_.proxies_taken;
+    if (answer == ProxyAnswer::done) {
+      finish(lane);
+    } else {
+      next_->add(kAdvance, lane);
+    }
+    return true;
   }
 
   // Into an object that hangs on the node at `place`, if the ray meets the instance's own box.

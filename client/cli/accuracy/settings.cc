@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
@@ -40,6 +41,13 @@ std::string share_text(std::uint64_t part, std::uint64_t whole) {
   return part == 0 ? "0" : formatted("%.2g", ratio(part, whole));
 }
 
+// "0.1", or "0.001 t" of a cone.
+std::string tolerance_text(const Manner& manner) {
+  const std::string length = manner.tolerance > 0 ? formatted("%g", manner.tolerance) : std::string();
+  const std::string angle = manner.tolerance_angle > 0 ? formatted("%gt", manner.tolerance_angle) : std::string();
+  return length.empty() ? angle : angle.empty() ? length : length + "," + angle;
+}
+
 std::string error_text(const ErrorFigures& error) {
   return formatted("%9.3g %9.3g %9.3g", error.median, error.p99, error.most);
 }
@@ -55,16 +63,36 @@ AnswerFigures answer_figures(const Tally& tally) {
           .wrong_misses = tally.wrong_misses(),
           .wrong_hits = tally.wrong_hits(),
           .wrong_primitives = tally.wrong_primitives(),
+          .wrong_surfaces = tally.wrong_surfaces(),
+          .proxy_hits = tally.proxy_hits(),
           .inside = tally.inside(),
           .leaks = tally.leaks(),
           .t_ulps = error_figures(tally.t_ulps()),
           .t_units = error_figures(tally.t_units())};
 }
 
-const Setting* fastest_within(std::span<const Setting> settings, double tolerance) {
+double Manner::bound(const Truth& truth) const {
+  return approximates() ? std::max(tolerance, tolerance_angle * truth.t * truth.dir_length)
+                        : std::numeric_limits<double>::infinity();
+}
+
+std::string manner_text(const Manner& manner) {
+  std::string text(to_string(manner.mode));
+  if (manner.tolerance > 0) {
+    text += formatted(" +-%g", manner.tolerance);
+  }
+  if (manner.tolerance_angle > 0) {
+    text += formatted(" +-%gt", manner.tolerance_angle);
+  }
+  return text;
+}
+
+const Setting* fastest_within(std::span<const Setting> settings, const Demand& demand) {
   const Setting* best = nullptr;
   for (const Setting& setting : settings) {
-    const bool good = setting.wrong_answers() == 0 && setting.answers.t_units.most <= tolerance;
+    const bool good =
+        static_cast<double>(setting.wrong_answers()) <= demand.wrong_share * static_cast<double>(judged(setting)) &&
+        setting.answers.t_units.most <= demand.tolerance;
     if (good && (best == nullptr || setting.rate() > best->rate())) {
       best = &setting;
     }
@@ -95,7 +123,9 @@ json setting_json(const Setting& setting) {
   const std::vector<double>& rates = setting.mega_rays_per_second;
   return {{"store", setting.store},
           {"positions", setting.positions},
-          {"mode", std::string(to_string(setting.mode))},
+          {"mode", std::string(to_string(setting.manner.mode))},
+          {"tolerance", setting.manner.tolerance},
+          {"tolerance_angle", setting.manner.tolerance_angle},
           {"mrays_per_second", {{"median", setting.rate()}, {"least", rates.front()}, {"most", rates.back()}}},
           {"triangles", setting.triangles},
           {"store_bytes_per_triangle", ratio(setting.store_bytes, setting.triangles)},
@@ -103,6 +133,9 @@ json setting_json(const Setting& setting) {
           {"bytes_read", setting.bytes_read},
           {"wrong_misses", answers.wrong_misses},
           {"wrong_hits", answers.wrong_hits},
+          {"wrong_surfaces", answers.wrong_surfaces},
+          {"proxy_hits", answers.proxy_hits},
+          {"proxy_hit_rate", ratio(answers.proxy_hits, judged(setting))},
           {"wrong_answer_rate", ratio(setting.wrong_answers(), judged(setting))},
           {"wrong_primitives", answers.wrong_primitives},
           {"wrong_primitive_rate", ratio(answers.wrong_primitives, judged(setting))},
@@ -113,19 +146,22 @@ json setting_json(const Setting& setting) {
 }
 
 std::string settings_text(std::span<const Setting> settings, bool closed) {
-  std::string text =
-      formatted("%-18s %-20s %-10s %8s %7s %9s %9s %9s  %-29s  %-29s%s\n", "", "", "", "", "B a", "MiB", "wrong hit",
-                "wrong", "error of t, ulp", "error of t, scene units", closed ? "     rays" : "");
-  text += formatted("%-18s %-20s %-10s %8s %7s %9s %9s %9s  %9s %9s %9s  %9s %9s %9s%s\n", "store", "positions", "mode",
-                    "Mrays/s", "tri", "read", "or miss", "primitive", "median", "p99", "max", "median", "p99", "max",
-                    closed ? "   inside     leaks" : "");
+  std::string text = formatted("%-18s %-20s %-10s %9s %8s %7s %9s %9s %9s %9s %9s  %-29s  %-29s%s\n", "", "", "", "",
+                               "", "B a", "MiB", "wrong hit", "another", "wrong", "by", "error of t, ulp",
+                               "error of t, scene units", closed ? "     rays" : "");
+  text += formatted("%-18s %-20s %-10s %9s %8s %7s %9s %9s %9s %9s %9s  %9s %9s %9s  %9s %9s %9s%s\n", "store",
+                    "positions", "mode", "tolerance", "Mrays/s", "tri", "read", "or miss", "surface", "primitive",
+                    "proxy", "median", "p99", "max", "median", "p99", "max", closed ? "   inside     leaks" : "");
   for (const Setting& setting : settings) {
     const AnswerFigures& answers = setting.answers;
-    text += formatted("%-18s %-20s %-10s %8.3f %7.2f %9.1f %9s %9s  ", short_name(setting.store).c_str(),
-                      setting.positions.c_str(), std::string(to_string(setting.mode)).c_str(), setting.rate(),
+    const std::uint64_t of = judged(setting);
+    text += formatted("%-18s %-20s %-10s %9s %8.3f %7.2f %9.1f %9s %9s %9s %9s  ", short_name(setting.store).c_str(),
+                      setting.positions.c_str(), std::string(to_string(setting.manner.mode)).c_str(),
+                      tolerance_text(setting.manner).c_str(), setting.rate(),
                       ratio(setting.store_bytes, setting.triangles), static_cast<double>(setting.bytes_read) / 0x1p20,
-                      share_text(setting.wrong_answers(), judged(setting)).c_str(),
-                      share_text(answers.wrong_primitives, judged(setting)).c_str());
+                      share_text(answers.wrong_misses + answers.wrong_hits, of).c_str(),
+                      share_text(answers.wrong_surfaces, of).c_str(), share_text(answers.wrong_primitives, of).c_str(),
+                      share_text(answers.proxy_hits, of).c_str());
     text += error_text(answers.t_ulps) + "  " + error_text(answers.t_units);
     if (closed) {
       text += formatted("%9llu %9llu", static_cast<unsigned long long>(answers.inside),
@@ -136,14 +172,26 @@ std::string settings_text(std::span<const Setting> settings, bool closed) {
   return text;
 }
 
-std::string choice_text(std::span<const Setting> settings, double tolerance) {
-  const Setting* best = fastest_within(settings, tolerance);
-  const std::string bound = formatted("%g", tolerance);
+std::string choice_text(std::span<const Setting> settings, const Demand& demand) {
+  const Setting* best = fastest_within(settings, demand);
+  const std::string bound = formatted("within %g", demand.tolerance);
+  const bool strict = demand.wrong_share == 0;
+  const std::string share = formatted("%g", demand.wrong_share);
   if (best == nullptr) {
-    return "within " + bound + ": none of these; each has a wrong hit or miss, or an error of t larger than that\n";
+    return bound + ": none of these; each has " +
+           (strict ? "a wrong hit or miss" : "more than " + share + " of its rays a wrong hit or miss") +
+           ", or an error of t larger than that\n";
   }
-  return "within " + bound + ": --mode " + std::string(to_string(best->mode)) + " on " + best->store + " (" +
-         best->positions + "), the fastest without a wrong hit or miss and with no error of t larger than that\n";
+  std::string words = " --mode " + std::string(to_string(best->manner.mode));
+  if (best->manner.tolerance > 0) {
+    words += formatted(" --tolerance %g", best->manner.tolerance);
+  }
+  if (best->manner.tolerance_angle > 0) {
+    words += formatted(" --tolerance-angle %g", best->manner.tolerance_angle);
+  }
+  return bound + ":" + words + " on " + best->store + " (" + best->positions + "), the fastest " +
+         (strict ? "without a wrong hit or miss" : "with at most " + share + " of its rays a wrong hit or miss") +
+         " and with no error of t larger than that\n";
 }
 
 }  // namespace raymill::client

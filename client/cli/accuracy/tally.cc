@@ -67,7 +67,7 @@ double Spread::at(double share) const {
   return 0;
 }
 
-void Tally::add(const Truth& truth, const Hit& hit, bool inside) {
+void Tally::add(const Truth& truth, const Hit& hit, bool inside, double bound) {
   ++rays_;
   if (std::isnan(truth.t)) {
     ++invalid_;
@@ -75,6 +75,7 @@ void Tally::add(const Truth& truth, const Hit& hit, bool inside) {
   }
   const bool should_hit = std::isfinite(truth.t), hits = std::isfinite(hit.t);
   oracle_hits_ += should_hit ? 1 : 0;
+  proxy_hits_ += hits && hit.u == kProxyBarycentric ? 1 : 0;
   inside_ += inside ? 1 : 0;
   leaks_ += inside && !hits ? 1 : 0;
   if (should_hit != hits) {
@@ -84,10 +85,15 @@ void Tally::add(const Truth& truth, const Hit& hit, bool inside) {
   if (!should_hit) {
     return;
   }
+  const double units = std::fabs(double(hit.t) - truth.t) * truth.dir_length;
+  if (units > bound) {
+    ++wrong_surfaces_;
+    return;
+  }
   const bool same = hit.geometry_id == truth.geometry_id && hit.primitive_id == truth.primitive_id;
   wrong_primitives_ += !same && hit.t != truth.t ? 1 : 0;
   t_ulps_.add(static_cast<double>(ulps_between(hit.t, truth.t)));
-  t_units_.add(std::fabs(double(hit.t) - truth.t) * truth.dir_length);
+  t_units_.add(units);
 }
 
 }  // namespace raymill::client

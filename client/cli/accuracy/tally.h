@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <type_traits>
 
@@ -52,8 +53,9 @@ class Spread {
 /// Thread-confined.
 class Tally {
  public:
-  /// `inside`: as begins_inside() says of the store's own oracle.
-  void add(const Truth& truth, const Hit& hit, bool inside);
+  /// `inside`: as begins_inside() says of the store's own oracle. `bound`: the error that the setting allows, in scene
+  /// units; a hit that is off by more lies on another surface than the oracle's.
+  void add(const Truth& truth, const Hit& hit, bool inside, double bound = std::numeric_limits<double>::infinity());
 
   [[nodiscard]] std::uint64_t rays() const { return rays_; }  ///< all, the invalid ones too
   [[nodiscard]] std::uint64_t invalid() const { return invalid_; }
@@ -62,6 +64,10 @@ class Tally {
   [[nodiscard]] std::uint64_t wrong_hits() const { return wrong_hits_; }      ///< the oracle misses
   /// Of hits of both, another primitive at another t.
   [[nodiscard]] std::uint64_t wrong_primitives() const { return wrong_primitives_; }
+  /// Of hits of both, those off by more than the bound: a subtree's proxy was taken for hit that the ray passes, or the
+  /// other way, and something else stands behind it. They are no part of the errors of t.
+  [[nodiscard]] std::uint64_t wrong_surfaces() const { return wrong_surfaces_; }
+  [[nodiscard]] std::uint64_t proxy_hits() const { return proxy_hits_; }  ///< hits that proxies gave; where uv is asked
   [[nodiscard]] std::uint64_t inside() const { return inside_; }
   [[nodiscard]] std::uint64_t leaks() const { return leaks_; }      ///< misses of rays that begin inside
   [[nodiscard]] const Spread& t_ulps() const { return t_ulps_; }    ///< where both hit
@@ -69,7 +75,7 @@ class Tally {
 
  private:
   std::uint64_t rays_ = 0, invalid_ = 0, oracle_hits_ = 0;
-  std::uint64_t wrong_misses_ = 0, wrong_hits_ = 0, wrong_primitives_ = 0;
+  std::uint64_t wrong_misses_ = 0, wrong_hits_ = 0, wrong_primitives_ = 0, wrong_surfaces_ = 0, proxy_hits_ = 0;
   std::uint64_t inside_ = 0, leaks_ = 0;
   Spread t_ulps_, t_units_;
 };

@@ -34,6 +34,7 @@ struct Options {
   std::string rays = "1M", scenes, mesh, isa, query = "closest", positions = "float32";
   std::uint64_t seed = 1;
   std::size_t origins = 256, boxes = 500;
+  std::uint32_t page_bytes = BuildConfig().page_bytes;
   unsigned threads = 0, grid_bits = 14;
 };
 
@@ -138,9 +139,11 @@ class Leaks {
     const tests::TempFolder folder;
     const std::string scene = folder / "mesh.glb", store = folder / "mesh.mill";
     tests::write_file(scene, tests::glb({named.mesh}));
-    RAYMILL_ASSIGN_OR_RETURN(
-        [[maybe_unused]] const BuildReport report,
-        build({.scenes = {scene}, .output = store, .positions = options_.positions, .threads = threads_}));
+    RAYMILL_ASSIGN_OR_RETURN([[maybe_unused]] const BuildReport report, build({.scenes = {scene},
+                                                                               .output = store,
+                                                                               .positions = options_.positions,
+                                                                               .page_bytes = options_.page_bytes,
+                                                                               .threads = threads_}));
     MeshSink decoded;  // what is closed, and aimed at, is what the kernels see
     RAYMILL_RETURN_IF_ERROR(client::read_store_triangles(store, decoded));
     tests::Random random(options_.seed);
@@ -212,6 +215,10 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"closest", "any"}))
       ->capture_default_str();
   app.add_option("--positions", options.positions, "Of the stores, as 'raymill build' takes it")->capture_default_str();
+  app.add_option("--page-bytes", options.page_bytes,
+                 "Of the stores' pages: the smaller, the more rays at their borders")
+      ->check(CLI::Range(16 << 10, 1 << 20))
+      ->capture_default_str();
   app.add_option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
   app.add_option("--threads", options.threads, "0: one for each core")->capture_default_str();
   app.add_option("--origins", options.origins, "Points inside each mesh")
@@ -242,9 +249,10 @@ int main(int argc, char** argv) {
     return kCannotRun;
   }
   std::printf(
-      "again: raymill-leaks --rays %s --query %s --positions %s --seed %llu --origins %zu --boxes %zu --grid-bits "
+      "again: raymill-leaks --rays %s --query %s --positions %s --page-bytes %u --seed %llu --origins %zu --boxes %zu "
+      "--grid-bits "
       "%u%s\n",
-      options.rays.c_str(), options.query.c_str(), options.positions.c_str(),
+      options.rays.c_str(), options.query.c_str(), options.positions.c_str(), options.page_bytes,
       static_cast<unsigned long long>(options.seed), options.origins, options.boxes, options.grid_bits,
       options.scenes.empty() ? "" : " --scenes FOLDER");
   return passed ? 0 : 1;

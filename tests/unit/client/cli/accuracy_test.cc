@@ -77,6 +77,20 @@ TEST(Tally, CountsEachWayToBeWrong) {
   EXPECT_EQ(tally.t_ulps().count(), 0U);
 }
 
+TEST(Tally, AHitBeyondTheToleranceLiesOnAnotherSurface) {
+  Tally tally;
+  const Truth truth{.t = 5, .dir_length = 2};
+  const Hit hit{.t = 5.5F, .u = kProxyBarycentric, .primitive_id = 0, .geometry_id = 0};
+  tally.add(truth, hit, false, 1);
+  EXPECT_EQ(tally.wrong_surfaces(), 0U);
+  EXPECT_EQ(tally.t_units().most(), 1);
+  tally.add(truth, hit, false, 0.5);
+  EXPECT_EQ(tally.wrong_surfaces(), 1U);
+  EXPECT_EQ(tally.t_units().count(), 1U) << "it is no error of t";
+  EXPECT_EQ(tally.proxy_hits(), 2U);
+  EXPECT_EQ(tally.oracle_hits(), 2U);
+}
+
 TEST(TruthOf, KeepsTheLengthOfDir) {
   const Truth truth = truth_of({.dir = {3, 0, -4}}, {.t = 1, .primitive_id = 5, .geometry_id = 6});
   EXPECT_EQ(truth.dir_length, 5);
@@ -118,13 +132,33 @@ Setting setting(double rate, double error, std::uint64_t wrong = 0) {
 
 TEST(FastestWithin, IsTheFastestThatKeepsTheToleranceAndHasNoWrongAnswer) {
   const std::vector<Setting> settings = {setting(5, 1e-3, 1), setting(4, 1e-3), setting(3, 1e-6), setting(2, 0)};
-  EXPECT_EQ(fastest_within(settings, 1), &settings[1]) << "the first has a wrong miss";
-  EXPECT_EQ(fastest_within(settings, 1e-3), &settings[1]) << "the bound is allowed";
-  EXPECT_EQ(fastest_within(settings, 1e-4), &settings[2]);
-  EXPECT_EQ(fastest_within(settings, 0), &settings[3]);
-  EXPECT_EQ(fastest_within(std::span(settings).first(2), 0), nullptr);
-  EXPECT_NE(choice_text(settings, 1e-4).find("--mode watertight"), std::string::npos);
-  EXPECT_NE(choice_text(std::span(settings).first(1), 1).find("none"), std::string::npos);
+  EXPECT_EQ(fastest_within(settings, {1, 0}), &settings[1]) << "the first has a wrong miss";
+  EXPECT_EQ(fastest_within(settings, {1e-3, 0}), &settings[1]) << "the bound is allowed";
+  EXPECT_EQ(fastest_within(settings, {1e-4, 0}), &settings[2]);
+  EXPECT_EQ(fastest_within(settings, {0, 0}), &settings[3]);
+  EXPECT_EQ(fastest_within(std::span(settings).first(2), {0, 0}), nullptr);
+  EXPECT_NE(choice_text(settings, {1e-4, 0}).find("--mode watertight"), std::string::npos);
+  EXPECT_NE(choice_text(std::span(settings).first(1), {1, 0}).find("none"), std::string::npos);
+}
+
+TEST(FastestWithin, AShareOfWrongAnswersMayBeAllowed) {
+  std::vector<Setting> settings = {setting(5, 0.1, 3), setting(4, 0)};
+  settings[0].answers.rays = 1000;
+  settings[0].answers.wrong_surfaces = 2;
+  settings[0].manner = {Mode::fast, 0.1, 0};
+  EXPECT_EQ(fastest_within(settings, {0.1, 0.004}), &settings[1]) << "another surface is a wrong answer too";
+  EXPECT_EQ(fastest_within(settings, {0.1, 0.005}), &settings[0]);
+  const std::string text = choice_text(settings, {0.1, 0.005});
+  EXPECT_NE(text.find("--mode fast --tolerance 0.1"), std::string::npos) << text;
+  EXPECT_NE(text.find("at most 0.005"), std::string::npos) << text;
+}
+
+TEST(Manner, AllowsTheLargerOfLengthAndAngle) {
+  const Truth truth{.t = 10, .dir_length = 2};
+  EXPECT_EQ((Manner{Mode::fast, 0.5, 0.01}).bound(truth), 0.5);
+  EXPECT_EQ((Manner{Mode::fast, 0.5, 0.1}).bound(truth), 2);
+  EXPECT_TRUE(std::isinf(Manner{}.bound(truth)));
+  EXPECT_EQ(manner_text({Mode::fast, 0.5, 0}), "fast +-0.5");
 }
 
 TEST(ParetoFront, LeavesOutWhatAnotherBeats) {
