@@ -65,6 +65,7 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::geometry_ids, "geometry_ids");
   feature(storage::Feature::lattice, "lattice");
   feature(storage::Feature::instances, "instances");
+  feature(storage::Feature::masks, "masks");
   feature(storage::Feature::volumes, "volumes");
   info.bounds_min = footer.bounds_min;
   info.bounds_max = footer.bounds_max;

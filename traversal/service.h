@@ -108,6 +108,8 @@ struct JobStats {
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
+  std::uint64_t masks_tested = 0;  ///< hits on triangles with a mask, or with one side, before it was known if they count
+  std::uint64_t texels_read = 0;   ///< for those of them that no more than their place in the triangle decided
   std::uint64_t rays_expanded = 0;                         ///< rays that the expanded layout answered
   double expand_seconds = 0;                               ///< of all workers, for laying the store out so, once
   std::uint64_t pages_entered = 0;                         ///< times a ray came to a page, or to another part of one

@@ -19,6 +19,7 @@
 #include "storage/base/status.h"
 #include "storage/base/vec3.h"
 #include "storage/base/volume.h"
+#include "storage/import/mask_sink.h"
 
 namespace raymill::storage {
 
@@ -28,6 +29,7 @@ enum class ImportCode : std::uint16_t {
   dropped_degenerate = 100,     ///< two corners at the same position, or zero area in exact arithmetic
   dropped_not_finite = 101,     ///< a corner is NaN or infinite
   dropped_out_of_range = 102,   ///< a coordinate beyond kPositionLimit
+  dropped_cut_out = 103,        ///< a mask leaves nothing of it
   left_out_points = 200,        ///< primitives of mode POINTS
   left_out_lines = 201,         ///< primitives of mode LINES, LINE_LOOP, LINE_STRIP
   left_out_no_positions = 202,  ///< primitives without POSITION
@@ -44,6 +46,9 @@ enum class ImportCode : std::uint16_t {
   polygons = 303,       ///< faces of more than three corners: cut into triangles
   gpu_instances = 305,  ///< placements by EXT_mesh_gpu_instancing
   meshopt_views = 304,  ///< bufferViews that EXT_meshopt_compression compresses
+  masked_triangles = 306,         ///< with a mask that cuts something out of them
+  opaque_under_masks = 307,       ///< of a material with a mask that cuts nothing out of them
+  opaque_without_texcoords = 308,  ///< of such a material, with texture coordinates that are not finite or too large
 };
 std::string_view to_string(ImportCode code);
 
@@ -133,10 +138,19 @@ class InstanceSink {
   virtual Status place(const Placed& placed) = 0;
 };
 
+/// What is made of materials' alpha and sides.
+struct MaskRule {
+  bool masks = false;                      ///< materials of mode MASK cut triangles out
+  std::optional<double> blend_cutoff = {};  ///< those of mode BLEND too, with this cutoff; none: they are opaque
+  bool one_side = false;                   ///< materials that are not doubleSided are hit from the front alone
+};
+
 struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
   InstanceRule rule = InstanceRule::automatic;
   InstanceSink* instances = nullptr;  ///< none: everything becomes triangles in world space
+  MaskRule mask_rule = {};
+  MaskSink* masks = nullptr;  ///< none: everything is opaque, whatever the rule
 };
 
 /// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be

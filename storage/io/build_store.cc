@@ -43,7 +43,8 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
       continue;
     }
     RAYMILL_RETURN_IF_ERROR(import_scene(config.scenes[i],
-                                         {config.scene_index, builder->instance_rule(), builder.get()},
+                                         {config.scene_index, builder->instance_rule(), builder.get(),
+                                          builder->mask_rule(), builder.get()},
                                          builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();

@@ -48,6 +48,7 @@ struct RunPipeline::Run {
   PagePlan plan;
   TreePlace place;
   std::vector<Instance> instances;  // [triangle of the tree]
+  TreeMasks masks;
   std::vector<EncodedPage> pages;
 };
 
@@ -167,8 +168,14 @@ Status RunPipeline::build_tree(Run& run) const {
   }
   run.place.instances = run.instances;
   const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
-  const PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors)
+  PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors)
                                   : page_cost(config_.width, config_.page_bytes, ancestors);
+  if (config_.masks != nullptr && !instances) {
+    RAYMILL_RETURN_IF_ERROR(config_.masks->look_up(config_.tree, run.tree.triangles, run.masks));
+    run.place.masks = &run.masks;
+    run.place.mask_refs = config_.mask_refs;
+    add_mask_cost(run.masks, cost);
+  }
   RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, cost));
   return {};
 }

@@ -11,11 +11,13 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "storage/base/block_store.h"
 #include "storage/base/status.h"
 #include "storage/build/binary_tree.h"
+#include "storage/build/mask_spool.h"
 #include "storage/build/page_plan.h"
 #include "storage/build/partition.h"
 #include "storage/build/top_tree.h"
@@ -54,6 +56,9 @@ class RunPipeline {
     std::uint32_t first_page = 0;
     /// The instance that a triangle with this primitive id stands for; called from many threads at once.
     std::function<Result<Instance>(std::uint32_t number)> instance;
+    const MaskSpool* masks = nullptr;             ///< none: all triangles are opaque
+    std::uint32_t tree = MaskSpool::kWorld;       ///< by which the spool knows them
+    std::span<const MaskRef> mask_refs = {};      ///< [mask]
     /// Called after each run with the triangles written so far; an error ends the work.
     std::function<Status(std::uint64_t triangles)> progress;
   };

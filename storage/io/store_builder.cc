@@ -65,6 +65,13 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
   for (const std::string& transform : config.volume_transforms) {
     RAYMILL_RETURN_IF_ERROR(parse_volume_transform(transform).status());
   }
+  if (config.blend_as_mask && !(*config.blend_as_mask >= 0 && *config.blend_as_mask <= 1)) {
+    return {ErrorCode::invalid_argument, "--blend-as-mask takes a cutoff from 0 to 1"};
+  }
+  if (config.blend_as_mask && config.ignore_alpha) {
+    return {ErrorCode::invalid_argument, "--blend-as-mask and --ignore-alpha exclude each other"};
+  }
+  plan.masks = {!config.ignore_alpha, config.blend_as_mask, config.cull_back_faces};
   plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   return plan;
 }
@@ -86,12 +93,13 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       blocks_(ledger_, temporary_folder(probe_)),
       spool_(blocks_, plan_.threads > 1),
       instances_(blocks_),
+      masks_(blocks_),
       volumes_({config.page_bytes, config.width, plan_.codec, plan_.volume_step, config.volume_grids}) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
   RAYMILL_ASSIGN_OR_RETURN(spool_claim_, ledger_.claim(Tag::build, spool_.bytes()));
-  RAYMILL_ASSIGN_OR_RETURN(instances_claim_, ledger_.claim(Tag::build, kBlockBytes));
+  RAYMILL_ASSIGN_OR_RETURN(instances_claim_, ledger_.claim(Tag::build, kBlockBytes + MaskSpool::bytes()));
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
@@ -188,6 +196,7 @@ Result<Partition> StoreBuilder::partition(Lattice& lattice) {
   RAYMILL_RETURN_IF_ERROR(step("partition", 0));
   RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
   spool_claim_ = {};
+  RAYMILL_RETURN_IF_ERROR(masks_.finish());
   Aabb extent = all.box;
   for (const Tree& object : objects_) {
     extent.grow(object.bucket.box);
@@ -233,6 +242,9 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
   if (instances_.count() > 0) {
     header.features |= static_cast<std::uint64_t>(Feature::instances);
   }
+  if (!masks_.empty()) {
+    header.features |= static_cast<std::uint64_t>(Feature::masks);
+  }
   if (!volumes_.empty()) {
     header.features |= static_cast<std::uint64_t>(Feature::volumes);
   }
@@ -275,6 +287,7 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.nodes = footer.node_count;
   report_.levels = footer.levels;
   report_.runs = parts.runs.size();
+  report_.masks = mask_refs_.size();
   return finish_file(writer, footer, build_start);
 }
 

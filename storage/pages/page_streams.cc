@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "storage/pages/masked_section.h"
+
 namespace raymill::storage {
 namespace {
 
@@ -271,6 +273,9 @@ void write_structure(const PageView& view, std::vector<std::byte>& out) {
   writer.put(std::span(array_at<std::uint8_t>(image, header.geometry_indices_offset),
                        std::size_t(header.triangle_count) * header.geometry_index_bytes));
   write_instances(view, writer);
+  if (header.page_type == kPageTypeMasked) {
+    write_masks(view, writer);
+  }
 }
 
 void read_structure(PlaneReader& in, std::byte* image) {
@@ -286,6 +291,9 @@ void read_structure(PlaneReader& in, std::byte* image) {
   in.get(std::span(array_at<std::uint8_t>(image, header.geometry_indices_offset),
                    std::size_t(header.triangle_count) * header.geometry_index_bytes));
   read_instances(in, image);
+  if (header.page_type == kPageTypeMasked) {
+    read_masks(in, image);
+  }
 }
 
 void write_geometry(const PageView& view, const PositionKind& kind, std::vector<std::byte>& out) {
