@@ -9,7 +9,8 @@
 //
 // Counted are one ray in kSampling, by its number: the counts steer nothing but the choice of a victim. Boxes beyond
 // the hit so far are counted too. A ray in an object, or on its way out of one, is not: where it waits no page says
-// what is pending above the instance. Nor is one that waits for a texel. Thread-safe: counts are atomic and lag by the batches under way.
+// what is pending above the instance. Nor is one that waits for a texel. Thread-safe: counts are atomic and lag by the
+// batches under way.
 #pragma once
 
 #include <array>

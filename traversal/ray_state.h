@@ -157,7 +157,8 @@ class RecordLayout {
   /// Returns the record's size.
   std::size_t pack(const RayState& ray, std::byte* record) const {
     const unsigned flags = flags_of(ray);
-    const Fixed fixed{static_cast<std::uint8_t>(flags), level_of(ray), ray.node, ray.number, ray.tfar, ray.org, ray.dir};
+    const Fixed fixed{
+        static_cast<std::uint8_t>(flags), level_of(ray), ray.node, ray.number, ray.tfar, ray.org, ray.dir};
     std::memcpy(record, &fixed, sizeof fixed);
     std::byte* at = record + sizeof fixed;
     std::memcpy(at, &ray.skipped, skip_bytes_);

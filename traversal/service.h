@@ -108,20 +108,21 @@ struct JobStats {
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
-  std::uint64_t masks_tested = 0;  ///< hits on triangles with a mask, or with one side, before it was known if they count
-  std::uint64_t texels_read = 0;   ///< for those of them that no more than their place in the triangle decided
-  std::uint64_t rays_expanded = 0;                         ///< rays that the expanded layout answered
-  double expand_seconds = 0;                               ///< of all workers, for laying the store out so, once
-  std::uint64_t pages_entered = 0;                         ///< times a ray came to a page, or to another part of one
-  std::uint64_t rays_parked = 0;                           ///< times a ray waited for a page
-  std::uint64_t peak_in_flight = 0;                        ///< rays that were in flight at once
-  std::uint64_t most_in_flight = 0;                        ///< rays that may be, those that wait on disk among them
-  std::uint64_t ray_spill_bytes = 0;                       ///< of rays that waited on disk for a page
-  std::uint64_t result_spill_bytes = 0;                    ///< results that waited on disk for next()
-  double trace_seconds = 0;                                ///< from the first push to the last hit
-  std::uint64_t peak_rss_bytes = 0;                        ///< of the process that traces
-  std::string isa;                                         ///< "scalar", "avx2", "avx512"
-  std::string kernel;                                      ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
+  std::uint64_t masks_tested =
+      0;  ///< hits on triangles with a mask, or with one side, before it was known if they count
+  std::uint64_t texels_read = 0;         ///< for those of them that no more than their place in the triangle decided
+  std::uint64_t rays_expanded = 0;       ///< rays that the expanded layout answered
+  double expand_seconds = 0;             ///< of all workers, for laying the store out so, once
+  std::uint64_t pages_entered = 0;       ///< times a ray came to a page, or to another part of one
+  std::uint64_t rays_parked = 0;         ///< times a ray waited for a page
+  std::uint64_t peak_in_flight = 0;      ///< rays that were in flight at once
+  std::uint64_t most_in_flight = 0;      ///< rays that may be, those that wait on disk among them
+  std::uint64_t ray_spill_bytes = 0;     ///< of rays that waited on disk for a page
+  std::uint64_t result_spill_bytes = 0;  ///< results that waited on disk for next()
+  double trace_seconds = 0;              ///< from the first push to the last hit
+  std::uint64_t peak_rss_bytes = 0;      ///< of the process that traces
+  std::string isa;                       ///< "scalar", "avx2", "avx512"
+  std::string kernel;                    ///< e.g. "closest/mbvh8/bits128/watertight/avx2"
   std::map<std::string, std::uint64_t> peak_bytes_by_tag;  ///< of the claims on the budget
   std::string policy;                                      ///< which page was read next: "score", ...
   std::string eviction;                                    ///< which page went for it: "clock", "demand"

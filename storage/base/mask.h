@@ -32,11 +32,11 @@ struct MaskInfo {
   Wrap wrap_s = Wrap::repeat;
   Wrap wrap_t = Wrap::repeat;
   std::uint8_t reserved = 0;
-  float factor = 1;  ///< of the material's alpha, 0 to 1
-  float cutoff = 0.5F;
-  bool operator==(const MaskInfo&) const = default;
+  std::uint32_t reserved_too = 0;
+  double factor = 1;  ///< of the material's alpha, 0 to 1
+  double cutoff = 0.5;
 };
-static_assert(sizeof(MaskInfo) == 20 && std::is_trivially_copyable_v<MaskInfo>);
+static_assert(sizeof(MaskInfo) == 32 && std::is_trivially_copyable_v<MaskInfo>);
 
 /// Texture coordinates of a triangle's corners.
 using TexCoords = std::array<std::array<float, 2>, 3>;
@@ -46,8 +46,7 @@ struct TexelPoint {
 };
 
 /// Where the point (1-u-v) c0 + u c1 + v c2 falls.
-inline TexelPoint texel_point(const TexCoords& corners, double u, double v, std::uint32_t width,
-                              std::uint32_t height) {
+inline TexelPoint texel_point(const TexCoords& corners, double u, double v, std::uint32_t width, std::uint32_t height) {
   const double w = 1 - u - v;
   const double s = w * corners[0][0] + u * corners[1][0] + v * corners[2][0];
   const double t = w * corners[0][1] + u * corners[1][1] + v * corners[2][1];
@@ -67,12 +66,12 @@ inline std::uint32_t wrap_texel(std::int64_t at, std::uint32_t size, Wrap wrap) 
 }
 
 /// Whether a texel of this value counts: (value / most) factor alpha >= cutoff; `most` is 255 or 65535.
-inline bool counts(std::uint32_t value, std::uint32_t most, float factor, double alpha, float cutoff) {
+inline bool counts(std::uint32_t value, std::uint32_t most, double factor, double alpha, double cutoff) {
   return double(value) / most * factor * alpha >= cutoff;
 }
 
 /// The least value that counts; most + 1: none does. The rule is monotone in the value.
-inline std::uint32_t least_counting(std::uint32_t most, float factor, double alpha, float cutoff) {
+inline std::uint32_t least_counting(std::uint32_t most, double factor, double alpha, double cutoff) {
   std::uint32_t low = 0, high = most + 1;
   while (low < high) {
     const std::uint32_t middle = (low + high) / 2;

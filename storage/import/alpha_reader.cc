@@ -19,7 +19,7 @@ namespace raymill::storage {
 namespace {
 
 // What the child said where it failed, else that its stream was cut.
-Status end_of(ChildStream& stream) {
+Status end_of_alpha(ChildStream& stream) {
   const Status status = stream.finish();
   return status.ok() ? bad_scene("the stream of its texels ends early")
                      : Status(status.code(), message("cannot be read as a picture (", status.message(), ")"));
@@ -35,7 +35,7 @@ std::vector<bool> counting(const MaskInfo& info, std::uint32_t most) {
   return out;
 }
 
-std::uint32_t value_at(std::span<const std::byte> row, std::uint32_t x, std::uint32_t value_bytes) {
+std::uint32_t alpha_at(std::span<const std::byte> row, std::uint32_t x, std::uint32_t value_bytes) {
   const auto low = static_cast<std::uint32_t>(row[std::size_t{x} * value_bytes]);
   return value_bytes == 1 ? low : low | static_cast<std::uint32_t>(row[std::size_t{x} * 2 + 1]) << 8;
 }
@@ -96,10 +96,10 @@ Result<std::optional<HeldMask>> read_alpha(const std::string& path, const MaskIn
   AlphaStreamHead head;
   if (!stream.read(std::as_writable_bytes(std::span(&head, 1))) || head.magic != kAlphaStreamMagic ||
       head.value_bytes > 2) {
-    return end_of(stream);
+    return end_of_alpha(stream);
   }
   if (head.value_bytes == 0) {
-    return stream.finish().ok() ? Result<std::optional<HeldMask>>(std::nullopt) : end_of(stream);
+    return stream.finish().ok() ? Result<std::optional<HeldMask>>(std::nullopt) : end_of_alpha(stream);
   }
   if (head.width - 1 >= kMostMaskEdge || head.height - 1 >= kMostMaskEdge) {
     return Status(ErrorCode::unsupported, message("has ", head.width, " x ", head.height, " texels; up to ",
@@ -125,7 +125,7 @@ Result<std::optional<HeldMask>> read_alpha(const std::string& path, const MaskIn
   std::vector<std::byte> row(std::size_t{head.width} * head.value_bytes);
   for (std::uint32_t y = 0; y < head.height; ++y) {
     if (!stream.read(row)) {
-      return end_of(stream);
+      return end_of_alpha(stream);
     }
     std::byte* to = map.texels.data() + y * map.row_bytes;
     if (as_values) {
@@ -133,10 +133,10 @@ Result<std::optional<HeldMask>> read_alpha(const std::string& path, const MaskIn
       continue;
     }
     for (std::uint32_t x = 0; x < head.width; ++x) {
-      to[x / 8] |= static_cast<std::byte>(counts_here[value_at(row, x, head.value_bytes)] ? 1U << (x % 8) : 0U);
+      to[x / 8] |= static_cast<std::byte>(counts_here[alpha_at(row, x, head.value_bytes)] ? 1U << (x % 8) : 0U);
     }
   }
-  RAYMILL_RETURN_IF_ERROR(stream.finish().ok() ? Status() : end_of(stream));
+  RAYMILL_RETURN_IF_ERROR(stream.finish().ok() ? Status() : end_of_alpha(stream));
   return std::optional<HeldMask>(std::move(held));
 }
 

@@ -209,7 +209,8 @@ Status DracoMesh::Body::check(const DracoAttribute& attribute) {
   for (draco::PointIndex point(0); point < mesh.num_points(); ++point) {
     const std::uint64_t start =
         positions->mapped_index(point).value() * stride + static_cast<std::uint64_t>(positions->byte_offset());
-    if (positions->mapped_index(point).value() >= positions->size() || start + components * size_bytes(type) > stored_bytes) {
+    if (positions->mapped_index(point).value() >= positions->size() ||
+        start + components * size_bytes(type) > stored_bytes) {
       return bad_scene("point ", point.value(), " of the Draco stream has no position");
     }
   }

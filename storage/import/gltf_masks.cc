@@ -16,7 +16,7 @@ namespace raymill::storage {
 
 namespace {
 
-constexpr const char* kRemedy = "; mend it, or build with --ignore-alpha to take everything as opaque";
+constexpr const char* kOpaqueRemedy = "; mend it, or build with --ignore-alpha to take everything as opaque";
 
 bool is_usable(const FaceMask& face) {
   return std::all_of(face.corners.begin(), face.corners.end(), [](const auto& corner) {
@@ -121,9 +121,8 @@ Result<GltfMasks::Faces> GltfMasks::make_faces(const PrimitiveMaterial& source, 
                                                const tinygltf::Primitive& primitive) {
   Faces faces;
   const auto index = static_cast<std::size_t>(source.material);
-  RAYMILL_ASSIGN_OR_RETURN(MaskCorners corners,
-                           MaskCorners::read({config_.document, config_.buffers, config_.ledger}, source, material,
-                                             primitive));
+  RAYMILL_ASSIGN_OR_RETURN(MaskCorners corners, MaskCorners::read({config_.document, config_.buffers, config_.ledger},
+                                                                  source, material, primitive));
   const bool as_values = corners.has_alphas();
   RAYMILL_ASSIGN_OR_RETURN(const AlphaMap* map, alpha_of(material, index, as_values));
   if (map == nullptr && !as_values) {
@@ -131,9 +130,10 @@ Result<GltfMasks::Faces> GltfMasks::make_faces(const PrimitiveMaterial& source, 
     faces.known.all_cut = !counts(1, 1, material.factor, 1, material.cutoff);
     return faces;
   }
-  const AlphaMap plain = solid({1, 1, 8, material.wrap_s, material.wrap_t, 0, material.factor, material.cutoff});
+  const AlphaMap plain = solid({1, 1, 8, material.wrap_s, material.wrap_t, 0, 0, material.factor, material.cutoff});
   if (map != nullptr && !corners.has_tex_coords()) {
-    return bad_scene(material.name, " needs TEXCOORD_", material.tex_coord, ", which this primitive has not", kRemedy);
+    return bad_scene(material.name, " needs TEXCOORD_", material.tex_coord, ", which this primitive has not",
+                     kOpaqueRemedy);
   }
   const MaskKey key{map == nullptr ? -1 : material.image, {as_values, index}};
   const auto known = numbers_.find(key);
@@ -161,13 +161,13 @@ Result<const AlphaMap*> GltfMasks::alpha_of(const MaterialMask& material, std::s
   if (held_key_ != key) {
     held_ = {};
     held_key_ = {-1, {false, 0}};
-    const MaskInfo like{1, 1, 1, material.wrap_s, material.wrap_t, 0, material.factor, material.cutoff};
+    const MaskInfo like{1, 1, 1, material.wrap_s, material.wrap_t, 0, 0, material.factor, material.cutoff};
     Result<std::optional<HeldMask>> read = read_image(material, like, as_values);
     if (!read.ok()) {
-      const bool of_scene = read.status().code() == ErrorCode::bad_scene ||
-                            read.status().code() == ErrorCode::unsupported;
+      const bool of_scene =
+          read.status().code() == ErrorCode::bad_scene || read.status().code() == ErrorCode::unsupported;
       const Status status(read.status().code(),
-                          message(material.name, ": ", read.status().message(), of_scene ? kRemedy : ""));
+                          message(material.name, ": ", read.status().message(), of_scene ? kOpaqueRemedy : ""));
       return status;
     }
     if (*read) {

@@ -31,7 +31,7 @@ int index_below(const json& value, std::size_t size) {
 }
 
 // A finite number; `otherwise` where there is none.
-std::optional<double> number(const json& value, double otherwise) {
+std::optional<double> finite_number(const json& value, double otherwise) {
   if (value.is_null()) {
     return otherwise;
   }
@@ -51,7 +51,8 @@ bool numbers(const json& value, std::array<double, N>& out) {
   return good;
 }
 
-constexpr const char* kRemedy = "; mend the material, or build with --ignore-alpha to take everything as opaque";
+constexpr const char* kMaterialRemedy =
+    "; mend the material, or build with --ignore-alpha to take everything as opaque";
 
 class MaterialReader {
  public:
@@ -77,21 +78,21 @@ class MaterialReader {
   static constexpr std::size_t kMostNameBytes = 128;
 
   static Status fault(const MaterialMask& material, const std::string& what) {
-    return bad_scene(material.name, ": ", what, kRemedy);
+    return bad_scene(material.name, ": ", what, kMaterialRemedy);
   }
 
   Status read_mask(const json& material, bool blends, MaterialMask& out) {
-    const auto cutoff = blends ? rule_.blend_cutoff : number(member(material, "alphaCutoff"), 0.5);
+    const auto cutoff = blends ? rule_.blend_cutoff : finite_number(member(material, "alphaCutoff"), 0.5);
     if (!cutoff || *cutoff < 0) {
       return fault(out, "alphaCutoff is not a number of 0 or more");
     }
-    out.cutoff = static_cast<float>(std::min(*cutoff, 2.0));  // above 1 nothing counts
+    out.cutoff = std::min(*cutoff, 2.0);  // above 1 nothing counts
     const json& shading = member(material, "pbrMetallicRoughness");
     std::array<double, 4> factor{1, 1, 1, 1};
     if (!numbers(member(shading, "baseColorFactor"), factor)) {
       return fault(out, "baseColorFactor is not four numbers");
     }
-    out.factor = static_cast<float>(std::clamp(factor[3], 0.0, 1.0));
+    out.factor = std::clamp(factor[3], 0.0, 1.0);
     const json& texture = member(shading, "baseColorTexture");
     return texture.is_null() ? Status() : read_texture(texture, out);
   }
@@ -158,7 +159,7 @@ class MaterialReader {
   // them with v downwards.
   static Status read_transform(const json& transform, MaterialMask& out) {
     std::array<double, 2> offset{0, 0}, scale{1, 1};
-    const std::optional<double> rotation = number(member(transform, "rotation"), 0);
+    const std::optional<double> rotation = finite_number(member(transform, "rotation"), 0);
     if (!numbers(member(transform, "offset"), offset) || !numbers(member(transform, "scale"), scale) || !rotation) {
       return fault(out, "KHR_texture_transform holds what is not a number");
     }
@@ -176,8 +177,7 @@ int attribute(const json& attributes, const std::string& name, std::size_t size)
   return index_below(member(attributes, name.c_str()), size);
 }
 
-PrimitiveMaterial read_primitive(const json& root, const json& primitive,
-                                 const std::vector<MaterialMask>& materials) {
+PrimitiveMaterial read_primitive(const json& root, const json& primitive, const std::vector<MaterialMask>& materials) {
   PrimitiveMaterial out;
   const int material = index_below(member(primitive, "material"), materials.size());
   if (material < 0 || !(materials[static_cast<std::size_t>(material)].masked ||
@@ -190,8 +190,7 @@ PrimitiveMaterial read_primitive(const json& root, const json& primitive,
   const json& attributes = member(primitive, "attributes");
   out.tex_coords = attribute(attributes, set, accessors);
   out.colors = attribute(attributes, "COLOR_0", accessors);
-  const json& draco =
-      member(member(member(primitive, "extensions"), "KHR_draco_mesh_compression"), "attributes");
+  const json& draco = member(member(member(primitive, "extensions"), "KHR_draco_mesh_compression"), "attributes");
   constexpr std::size_t kMostIds = 1 << 16;
   out.draco_tex_coords = attribute(draco, set, kMostIds);
   out.draco_colors = attribute(draco, "COLOR_0", kMostIds);
@@ -243,7 +242,8 @@ Result<GltfMaterials> read_materials(const json& root, const MaskRule& rule, Led
     }
     source.buffer_view = index_below(member(image, "bufferView"), size_of(member(root, "bufferViews")));
     if (source.uri.empty() && source.buffer_view < 0) {
-      return bad_scene(material.name, ": ", material.image_name, " has neither a uri nor a bufferView", kRemedy);
+      return bad_scene(material.name, ": ", material.image_name, " has neither a uri nor a bufferView",
+                       kMaterialRemedy);
     }
   }
   out.materials.push_back(plain(rule));
@@ -256,7 +256,7 @@ Result<GltfMaterials> read_materials(const json& root, const MaskRule& rule, Led
       if (material.is_null() && rule.one_side) {
         of_mesh.back().material = static_cast<int>(material_count);
       } else if (!material.is_null() && index_below(material, material_count) < 0) {
-        return bad_scene("meshes[", i, "].primitives[", k, "] names a material that is not there", kRemedy);
+        return bad_scene("meshes[", i, "].primitives[", k, "] names a material that is not there", kMaterialRemedy);
       }
     }
   }

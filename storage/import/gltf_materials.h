@@ -23,10 +23,10 @@ struct MaterialMask {
   std::string name;  ///< "materials[3] 'frond'", for sentences
   bool masked = false;
   bool one_side = false;
-  float cutoff = 0.5F;
-  float factor = 1;           ///< of alpha, clamped to 0..1
-  int image = -1;             ///< of its colour; -1: none
-  std::string image_name;     ///< "images[2]", or with its file
+  double cutoff = 0.5;
+  double factor = 1;       ///< of alpha, clamped to 0..1
+  int image = -1;          ///< of its colour; -1: none
+  std::string image_name;  ///< "images[2]", or with its file
   std::uint32_t tex_coord = 0;
   Wrap wrap_s = Wrap::repeat, wrap_t = Wrap::repeat;
   /// Rows of the map of texture coordinates: u' = m[0] u + m[1] v + m[2].
@@ -40,9 +40,9 @@ struct ImageSource {
 
 /// What a primitive brings for its material.
 struct PrimitiveMaterial {
-  int material = -1;       ///< in `materials`; -1: opaque, and with two sides
-  int tex_coords = -1;     ///< accessor; -1: none
-  int colors = -1;         ///< accessor of COLOR_0
+  int material = -1;                             ///< in `materials`; -1: opaque, and with two sides
+  int tex_coords = -1;                           ///< accessor; -1: none
+  int colors = -1;                               ///< accessor of COLOR_0
   int draco_tex_coords = -1, draco_colors = -1;  ///< attributes of a Draco stream
 };
 

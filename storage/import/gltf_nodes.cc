@@ -193,8 +193,7 @@ class NodeImport {
     return object.box.empty() || (invertible(placement) && in_range(placed_box(placement, object.box)));
   }
 
-  Status import_one(const Visit& visit, std::size_t primitive, std::uint32_t geometry_id,
-                    const Transform& transform) {
+  Status import_one(const Visit& visit, std::size_t primitive, std::uint32_t geometry_id, const Transform& transform) {
     context_.out.begin_copy(visit.first_entry + primitive, geometry_id);
     Status status = begin_masks(visit, primitive, geometry_id, transform);
     if (status.ok()) {
@@ -205,8 +204,7 @@ class NodeImport {
                : in_context(message("meshes[", node_of(visit.placed).mesh, "].primitives[", primitive, "]"), status);
   }
 
-  Status begin_masks(const Visit& visit, std::size_t primitive, std::uint32_t geometry_id,
-                     const Transform& transform) {
+  Status begin_masks(const Visit& visit, std::size_t primitive, std::uint32_t geometry_id, const Transform& transform) {
     if (context_.masks != nullptr) {
       RAYMILL_ASSIGN_OR_RETURN(const TriangleWriter::Faces faces,
                                context_.masks->begin(node_of(visit.placed).mesh, primitive, geometry_id, transform));

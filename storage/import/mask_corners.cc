@@ -13,7 +13,7 @@ namespace raymill::storage {
 
 namespace {
 
-constexpr const char* kDraco = "KHR_draco_mesh_compression";
+constexpr const char* kDracoExtension = "KHR_draco_mesh_compression";
 
 // Calls take(vertex, components) for all elements of an accessor.
 template <std::size_t N, typename Take>
@@ -45,11 +45,11 @@ bool has_alpha(const tinygltf::Model& model, int accessor) {
 
 }  // namespace
 
-Result<MaskCorners> MaskCorners::read(const Source& source, const PrimitiveMaterial& from,
-                                      const MaterialMask& material, const tinygltf::Primitive& primitive) {
+Result<MaskCorners> MaskCorners::read(const Source& source, const PrimitiveMaterial& from, const MaterialMask& material,
+                                      const tinygltf::Primitive& primitive) {
   MaskCorners corners;
   corners.mode_ = primitive.mode;
-  RAYMILL_RETURN_IF_ERROR(primitive.extensions.contains(kDraco)
+  RAYMILL_RETURN_IF_ERROR(primitive.extensions.contains(kDracoExtension)
                               ? corners.read_draco(source, from, material, primitive)
                               : corners.read_vertices(source, from, material, primitive));
   return corners;
@@ -93,9 +93,8 @@ Status MaskCorners::read_vertices(const Source& source, const PrimitiveMaterial&
       return other_count(from.tex_coords, accessor.count(), count);
     }
     has_tex_coords_ = true;
-    RAYMILL_RETURN_IF_ERROR(for_each_element<2>(std::move(accessor), [&](std::uint64_t i, const auto& uv) {
-      set_tex_coords(material, i, uv[0], uv[1]);
-    }));
+    RAYMILL_RETURN_IF_ERROR(for_each_element<2>(
+        std::move(accessor), [&](std::uint64_t i, const auto& uv) { set_tex_coords(material, i, uv[0], uv[1]); }));
   }
   if (has_alpha(model, from.colors)) {
     RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor,
@@ -103,12 +102,11 @@ Status MaskCorners::read_vertices(const Source& source, const PrimitiveMaterial&
     if (accessor.count() != count) {
       return other_count(from.colors, accessor.count(), count);
     }
-    RAYMILL_RETURN_IF_ERROR(for_each_element<4>(
-        std::move(accessor), [&](std::uint64_t i, const auto& rgba) { set_alpha(i, rgba[3]); }));
+    RAYMILL_RETURN_IF_ERROR(
+        for_each_element<4>(std::move(accessor), [&](std::uint64_t i, const auto& rgba) { set_alpha(i, rgba[3]); }));
   }
   if (const int index = GltfDocument::indices_of(primitive); index >= 0) {
-    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor,
-                             GltfAccessor::open(model, index, 1, source.buffers, source.ledger));
+    RAYMILL_ASSIGN_OR_RETURN(GltfAccessor accessor, GltfAccessor::open(model, index, 1, source.buffers, source.ledger));
     RAYMILL_ASSIGN_OR_RETURN(IndexReader reader, IndexReader::open(std::move(accessor), count));
     indices_.emplace(std::move(reader));
   }
@@ -119,10 +117,9 @@ Status MaskCorners::read_draco(const Source& source, const PrimitiveMaterial& fr
                                const tinygltf::Primitive& primitive) {
   mode_ = TINYGLTF_MODE_TRIANGLES;
   const tinygltf::Model& model = source.document.model();
-  const int view = primitive.extensions.at(kDraco).Get("bufferView").GetNumberAsInt();
+  const int view = primitive.extensions.at(kDracoExtension).Get("bufferView").GetNumberAsInt();
   RAYMILL_ASSIGN_OR_RETURN(const ByteExtent extent, view_extent(model, view, source.buffers));
-  RAYMILL_ASSIGN_OR_RETURN(const BudgetReservation stream_claim,
-                           source.ledger.claim(Tag::build, extent.size_bytes));
+  RAYMILL_ASSIGN_OR_RETURN(const BudgetReservation stream_claim, source.ledger.claim(Tag::build, extent.size_bytes));
   std::vector<std::byte> stream(extent.size_bytes);
   RAYMILL_RETURN_IF_ERROR(
       source.buffers.read(model.bufferViews[static_cast<std::size_t>(view)].buffer, extent.offset, stream));
@@ -170,9 +167,9 @@ Status MaskCorners::for_each_piece(const std::function<Status(std::span<const Ma
   std::vector<MaskCorner> piece(kPieceCorners);
   std::vector<std::uint32_t> numbers(kPieceCorners);
   const bool indexed = indices_.has_value();
-  const std::uint64_t count = indexed           ? indices_->accessor().count()
+  const std::uint64_t count = indexed          ? indices_->accessor().count()
                               : faces_.empty() ? vertices_.size()
-                                                : faces_.size();
+                                               : faces_.size();
   for (std::uint64_t first = 0; first < count; first += kPieceCorners) {
     const std::size_t taken = std::min<std::uint64_t>(kPieceCorners, count - first);
     if (indexed) {

@@ -43,11 +43,11 @@ enum class ImportCode : std::uint16_t {
   draco_primitives = 300,
   sparse_accessors = 301,
   quantized_positions = 302,
-  polygons = 303,       ///< faces of more than three corners: cut into triangles
-  gpu_instances = 305,  ///< placements by EXT_mesh_gpu_instancing
-  meshopt_views = 304,  ///< bufferViews that EXT_meshopt_compression compresses
-  masked_triangles = 306,         ///< with a mask that cuts something out of them
-  opaque_under_masks = 307,       ///< of a material with a mask that cuts nothing out of them
+  polygons = 303,                  ///< faces of more than three corners: cut into triangles
+  gpu_instances = 305,             ///< placements by EXT_mesh_gpu_instancing
+  meshopt_views = 304,             ///< bufferViews that EXT_meshopt_compression compresses
+  masked_triangles = 306,          ///< with a mask that cuts something out of them
+  opaque_under_masks = 307,        ///< of a material with a mask that cuts nothing out of them
   opaque_without_texcoords = 308,  ///< of such a material, with texture coordinates that are not finite or too large
 };
 std::string_view to_string(ImportCode code);
@@ -91,12 +91,21 @@ struct VolumeInfo {
   Index3 cells{};
 };
 
+/// What masks take in a store.
+struct MaskBytes {
+  std::uint64_t masks = 0;
+  std::uint64_t pages = 0;          ///< of texels
+  std::uint64_t encoded_bytes = 0;  ///< of those, in the store
+  std::uint64_t section_bytes = 0;  ///< of what pages of triangles hold for them, decoded
+};
+
 struct ImportReport {
   std::map<ImportCode, std::uint64_t> counts;
   std::vector<GeometryInfo> geometries;  ///< rising by id
   std::uint64_t geometry_count = 0;      ///< every id is below it
   std::vector<CameraInfo> cameras;
   std::vector<VolumeInfo> volumes;
+  MaskBytes masks;
   std::vector<std::string> ignored_extensions;  ///< sorted, each once
   std::uint64_t instances = 0;                  ///< placements of objects; the next one's id
   std::uint64_t triangles = 0;                  ///< in the input, of every placement
@@ -140,9 +149,9 @@ class InstanceSink {
 
 /// What is made of materials' alpha and sides.
 struct MaskRule {
-  bool masks = false;                      ///< materials of mode MASK cut triangles out
+  bool masks = false;                       ///< materials of mode MASK cut triangles out
   std::optional<double> blend_cutoff = {};  ///< those of mode BLEND too, with this cutoff; none: they are opaque
-  bool one_side = false;                   ///< materials that are not doubleSided are hit from the front alone
+  bool one_side = false;                    ///< materials that are not doubleSided are hit from the front alone
 };
 
 struct ImportOptions {

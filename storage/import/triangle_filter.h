@@ -28,7 +28,7 @@ class TriangleWriter {
     MaskSink* sink = nullptr;
     std::uint64_t first = GeometryMask::kNoFaces;  ///< face of primitive 0; none: no triangle is cut out by itself
     std::uint64_t count = 0;
-    bool all_cut = false;                          ///< nothing is left of any triangle
+    bool all_cut = false;  ///< nothing is left of any triangle
   };
 
   TriangleWriter(TriangleSink& sink, ImportReport& report);

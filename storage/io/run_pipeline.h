@@ -42,6 +42,7 @@ struct TreeTotals {
   std::uint64_t nodes = 0;
   unsigned levels = 0;
   double area_cost = 0;
+  std::uint64_t mask_section_bytes = 0;  ///< decoded
 };
 
 class RunPipeline {
@@ -56,9 +57,9 @@ class RunPipeline {
     std::uint32_t first_page = 0;
     /// The instance that a triangle with this primitive id stands for; called from many threads at once.
     std::function<Result<Instance>(std::uint32_t number)> instance;
-    const MaskSpool* masks = nullptr;             ///< none: all triangles are opaque
-    std::uint32_t tree = MaskSpool::kWorld;       ///< by which the spool knows them
-    std::span<const MaskRef> mask_refs = {};      ///< [mask]
+    const MaskSpool* masks = nullptr;         ///< none: all triangles are opaque
+    std::uint32_t tree = MaskSpool::kWorld;   ///< by which the spool knows them
+    std::span<const MaskRef> mask_refs = {};  ///< [mask]
     /// Called after each run with the triangles written so far; an error ends the work.
     std::function<Status(std::uint64_t triangles)> progress;
   };
@@ -78,6 +79,7 @@ class RunPipeline {
     Status status;
     std::vector<std::byte> bytes;
     std::uint32_t decoded_bytes = 0;
+    std::uint32_t mask_section_bytes = 0;
   };
   struct Run;
 

@@ -287,7 +287,10 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.nodes = footer.node_count;
   report_.levels = footer.levels;
   report_.runs = parts.runs.size();
-  report_.masks = mask_refs_.size();
+  import_report_.masks.masks = report_.masks = mask_refs_.size();
+  report_.mask_pages = import_report_.masks.pages;
+  report_.mask_bytes = import_report_.masks.encoded_bytes;
+  report_.mask_section_bytes = import_report_.masks.section_bytes;
   return finish_file(writer, footer, build_start);
 }
 

@@ -58,9 +58,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   Status place(const Placed& placed) override;
   Result<std::uint32_t> add_mask(const AlphaMap& map) override { return masks_.add_mask(map); }
   Result<std::uint64_t> add_faces(std::span<const FaceMask> faces) override { return masks_.add_faces(faces); }
-  Status read_faces(std::uint64_t first, std::span<FaceMask> faces) override {
-    return masks_.read_faces(first, faces);
-  }
+  Status read_faces(std::uint64_t first, std::span<FaceMask> faces) override { return masks_.read_faces(first, faces); }
   void set_masks(std::uint32_t geometry_id, const GeometryMask& masks) override {
     masks_.set_masks(object_ ? static_cast<std::uint32_t>(objects_.size()) : MaskSpool::kWorld, geometry_id, masks);
   }
@@ -130,8 +128,8 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   BudgetReservation instances_claim_;
   MaskSpool masks_;
   std::vector<MaskRef> mask_refs_;  // [mask], once their pages are written
-  std::uint64_t in_trees_ = 0;  // triangles and instances of trees that are written
-  std::uint64_t in_all_ = 0;    // of all
+  std::uint64_t in_trees_ = 0;      // triangles and instances of trees that are written
+  std::uint64_t in_all_ = 0;        // of all
   ImportReport import_report_;
   VolumeBuild volumes_;
   std::size_t volume_files_ = 0;

@@ -48,11 +48,12 @@ Status StoreBuilder::write_trees(const Partition& scene, unsigned object_level, 
   const unsigned most = max_levels(config_.width);
   std::uint32_t next_page = 0;
   RAYMILL_RETURN_IF_ERROR(write_masks(writer, next_page));
-  const auto add = [&footer](const TreeTotals& totals) {
+  const auto add = [&footer, this](const TreeTotals& totals) {
     footer.triangle_count += totals.triangles;
     footer.instance_count += totals.instances;
     footer.node_count += totals.nodes;
     footer.levels = std::max(footer.levels, totals.levels);
+    import_report_.masks.section_bytes += totals.mask_section_bytes;
   };
   for (std::uint32_t number = 0; number < objects_.size(); ++number) {
     Tree& object = objects_[number];
@@ -87,7 +88,7 @@ Status StoreBuilder::write_masks(StoreFileWriter& writer, std::uint32_t& next_pa
   RAYMILL_RETURN_IF_ERROR(claim.status());
   for (const MaskSpool::Mask& mask : masks_.masks()) {
     RAYMILL_RETURN_IF_ERROR(step("masks", double(mask_refs_.size()) / double(masks_.masks().size())));
-    mask_refs_.push_back({mask.info, next_page});
+    mask_refs_.push_back({mask.info, next_page, 0});
     const std::uint64_t tiles = tile_count(mask.info);
     const std::uint32_t most = tiles_per_page(mask.info.bits, config_.page_bytes);
     for (std::uint64_t first = 0; first < tiles; first += most) {
@@ -95,10 +96,9 @@ Status StoreBuilder::write_masks(StoreFileWriter& writer, std::uint32_t& next_pa
       RAYMILL_RETURN_IF_ERROR(masks_.read_tiles(mask, first, texels));
       const std::vector<std::byte> image = make_mask_page(mask.info.bits, texels);
       const std::vector<std::byte> encoded = encode_mask_page(image, plan_.codec);
-      RAYMILL_RETURN_IF_ERROR(
-          writer.add_page(PageId{next_page++}, encoded, static_cast<std::uint32_t>(image.size())));
-      report_.mask_bytes += encoded.size();
-      ++report_.mask_pages;
+      RAYMILL_RETURN_IF_ERROR(writer.add_page(PageId{next_page++}, encoded, static_cast<std::uint32_t>(image.size())));
+      import_report_.masks.encoded_bytes += encoded.size();
+      ++import_report_.masks.pages;
     }
   }
   return {};
@@ -133,8 +133,8 @@ Result<TreeTotals> StoreBuilder::write_tree(const Partition& parts, std::uint32_
     return needs(count, base_.bytes() + blocks_.memory_bytes() + directory + a_page + a_run);
   }
   report_.runs_at_once = runs_at_once;
-  RunPipeline::Config config{config_.width, config_.page_bytes, plan_.codec, positions, threads,
-                             runs_at_once,  next_page};
+  RunPipeline::Config config{config_.width, config_.page_bytes, plan_.codec, positions,
+                             threads,       runs_at_once,       next_page};
   config.masks = masks_.empty() ? nullptr : &masks_;
   config.tree = tree;
   config.mask_refs = mask_refs_;

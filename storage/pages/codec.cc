@@ -175,8 +175,8 @@ Result<std::uint32_t> PageDecoder::decode(std::span<const std::byte> encoded, st
   const bool masked = header.page_type == kPageTypeMasked;
   MaskSection masks;
   if (header.payload_bytes != payload.size() || (masked && !take_mask_section(payload, image_header, masks)) ||
-      image_header.image_bytes > rules_.page_bytes ||
-      image_header.image_bytes > frame.size() || header.streams_bytes > scratch_->streams.size()) {
+      image_header.image_bytes > rules_.page_bytes || image_header.image_bytes > frame.size() ||
+      header.streams_bytes > scratch_->streams.size()) {
     return corrupt("has counts that do not fit its size");
   }
   const std::span<std::byte> image = frame.first(image_header.image_bytes);

@@ -72,7 +72,8 @@ class PageDecoder {
 
  private:
   struct Scratch;
-  Status decode_streams(const EncodedHeader& header, const MaskSection* masks, std::span<const std::byte> payload, std::span<std::byte> image);
+  Status decode_streams(const EncodedHeader& header, const MaskSection* masks, std::span<const std::byte> payload,
+                        std::span<std::byte> image);
 
   PageRules rules_;
   PositionKind positions_;

@@ -13,7 +13,7 @@
 namespace raymill::storage {
 namespace {
 
-constexpr int kZstdLevel = 5;
+constexpr int kTilesZstdLevel = 5;
 
 struct EncodedMaskHeader {
   std::uint16_t page_type = kPageTypeMask;
@@ -27,9 +27,9 @@ struct EncodedMaskHeader {
 };
 static_assert(sizeof(EncodedMaskHeader) == sizeof(EncodedHeader));
 
-Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page of masks ") + what}; }
+Status bad_mask_page(const char* what) { return {ErrorCode::corrupt, std::string("page of masks ") + what}; }
 
-std::vector<std::byte> compress(std::span<const std::byte> in, Codec codec) {
+std::vector<std::byte> compress_tiles(std::span<const std::byte> in, Codec codec) {
   std::vector<std::byte> out;
   if (codec == Codec::raw) {
     out.assign(in.begin(), in.end());
@@ -40,7 +40,7 @@ std::vector<std::byte> compress(std::span<const std::byte> in, Codec codec) {
                         static_cast<int>(in.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT)));
   } else {
     out.resize(ZSTD_compressBound(in.size()));
-    out.resize(ZSTD_compress(out.data(), out.size(), in.data(), in.size(), kZstdLevel));
+    out.resize(ZSTD_compress(out.data(), out.size(), in.data(), in.size(), kTilesZstdLevel));
   }
   return out;
 }
@@ -62,7 +62,7 @@ std::vector<std::byte> encode_mask_page(std::span<const std::byte> image, Codec 
   const MaskPageHeader& header = MaskPageView(image.data()).header();
   const Codec used = codec == Codec::draco ? Codec::zstd : codec;
   const auto tiles = image.subspan(sizeof header);
-  const std::vector<std::byte> payload = compress(tiles, used);
+  const std::vector<std::byte> payload = compress_tiles(tiles, used);
   EncodedMaskHeader encoded;
   encoded.codec = static_cast<std::uint8_t>(used);
   encoded.bits = header.bits;
@@ -81,7 +81,7 @@ Result<std::uint32_t> decode_mask_page(
                                                                   std::size_t expected)>& decompress) {
   EncodedMaskHeader header;
   if (encoded.size() < sizeof header) {
-    return corrupt("is shorter than its header");
+    return bad_mask_page("is shorter than its header");
   }
   std::memcpy(&header, encoded.data(), sizeof header);
   const auto payload = encoded.subspan(sizeof header);
@@ -89,7 +89,7 @@ Result<std::uint32_t> decode_mask_page(
                      (header.bits == 1 || header.bits == 8 || header.bits == 16);
   if (!known || header.tile_count == 0 || header.tile_count > tiles_per_page(header.bits, page_bytes) ||
       header.payload_bytes != payload.size()) {
-    return corrupt("is of no known type or has counts that do not fit its size");
+    return bad_mask_page("is of no known type or has counts that do not fit its size");
   }
   const std::size_t tiles = std::size_t{header.tile_count} * tile_bytes(header.bits);
   MaskPageHeader image;
@@ -97,19 +97,19 @@ Result<std::uint32_t> decode_mask_page(
   image.tile_count = header.tile_count;
   image.image_bytes = static_cast<std::uint32_t>(sizeof image + tiles);
   if (image.image_bytes > frame.size()) {
-    return corrupt("has counts that do not fit its size");
+    return bad_mask_page("has counts that do not fit its size");
   }
   const auto codec = static_cast<Codec>(header.codec);
   std::span<const std::byte> texels = payload;
   if (codec != Codec::raw) {
     const auto plain = header.streams_bytes == tiles ? decompress(payload, codec, tiles) : std::nullopt;
     if (!plain) {
-      return corrupt("cannot be decompressed");
+      return bad_mask_page("cannot be decompressed");
     }
     texels = *plain;
   }
   if (texels.size() != tiles) {
-    return corrupt("has counts that do not fit its size");
+    return bad_mask_page("has counts that do not fit its size");
   }
   std::memcpy(frame.data(), &image, sizeof image);
   std::copy(texels.begin(), texels.end(), frame.begin() + sizeof image);

@@ -13,23 +13,23 @@ namespace {
 
 constexpr std::uint32_t kMost = 0xFFFF;
 
-std::uint32_t align(std::uint64_t offset) {
+std::uint32_t align_array(std::uint64_t offset) {
   return static_cast<std::uint32_t>((offset + kPageAlignment - 1) / kPageAlignment * kPageAlignment);
 }
 
-Status bad(const char* what) { return {ErrorCode::corrupt, std::string("page has ") + what}; }
+Status bad_masks(const char* what) { return {ErrorCode::corrupt, std::string("page has ") + what}; }
 
 bool in_counts(const MaskSection& section) {
-  return section.entry_count <= kMost && section.mask_count < MaskedTriangle::kNoMask &&
-         section.alpha_count <= kMost && section.reserved == 0;
+  return section.entry_count <= kMost && section.mask_count < MaskedTriangle::kNoMask && section.alpha_count <= kMost &&
+         section.reserved == 0;
 }
 
 const char* fault_of(const MaskRef& mask, const PageRules& rules) {
   const MaskInfo& info = mask.info;
   if (info.width - 1 >= kMostMaskEdge || info.height - 1 >= kMostMaskEdge ||
       (info.bits != 1 && info.bits != 8 && info.bits != 16) || info.wrap_s > Wrap::clamp || info.wrap_t > Wrap::clamp ||
-      info.reserved != 0 || !(info.factor >= 0 && info.factor <= 1) || !(info.cutoff >= 0) ||
-      !std::isfinite(info.cutoff)) {
+      info.reserved != 0 || info.reserved_too != 0 || mask.reserved != 0 || !(info.factor >= 0 && info.factor <= 1) ||
+      !(info.cutoff >= 0) || !std::isfinite(info.cutoff)) {
     return "a mask with impossible values";
   }
   const std::uint64_t pages = mask_page_count(info, rules.page_bytes);
@@ -63,10 +63,10 @@ MaskOffsets mask_offsets(const PageHeader& header, const MaskSection& section) {
   MaskOffsets offsets;
   offsets.section = instances_end(header);
   offsets.indices = offsets.section + std::uint32_t(sizeof section);
-  offsets.entries = align(std::uint64_t(offsets.indices) + std::uint64_t(header.triangle_count) * 2);
-  offsets.masks = align(offsets.entries + std::uint64_t(section.entry_count) * sizeof(MaskedTriangle));
-  offsets.alphas = align(offsets.masks + std::uint64_t(section.mask_count) * sizeof(MaskRef));
-  offsets.end = align(offsets.alphas + std::uint64_t(section.alpha_count) * sizeof(CornerAlphas));
+  offsets.entries = align_array(std::uint64_t(offsets.indices) + std::uint64_t(header.triangle_count) * 2);
+  offsets.masks = align_array(offsets.entries + std::uint64_t(section.entry_count) * sizeof(MaskedTriangle));
+  offsets.alphas = align_array(offsets.masks + std::uint64_t(section.mask_count) * sizeof(MaskRef));
+  offsets.end = align_array(offsets.alphas + std::uint64_t(section.alpha_count) * sizeof(CornerAlphas));
   return offsets;
 }
 
@@ -89,23 +89,23 @@ Status check_masks(const PageView& view, const PageRules& rules) {
   const MaskSection& section = masks.section();
   for (std::uint32_t i = 0; i < view.header().triangle_count; ++i) {
     if (masks.indices()[i] >= section.entry_count && masks.indices()[i] != kNoMaskIndex) {
-      return bad("a triangle with an entry of masks past their list");
+      return bad_masks("a triangle with an entry of masks past their list");
     }
   }
   for (std::uint32_t i = 0; i < section.entry_count; ++i) {
     if (const char* fault = fault_of(masks.entries()[i], section); fault != nullptr) {
-      return bad(fault);
+      return bad_masks(fault);
     }
   }
   for (std::uint32_t i = 0; i < section.mask_count; ++i) {
     if (const char* fault = fault_of(masks.masks()[i], rules); fault != nullptr) {
-      return bad(fault);
+      return bad_masks(fault);
     }
   }
   for (std::uint32_t i = 0; i < section.alpha_count; ++i) {
     for (const float alpha : masks.alphas()[i]) {
       if (!(alpha >= 0 && alpha <= 1)) {
-        return bad("a corner with an alpha that is none");
+        return bad_masks("a corner with an alpha that is none");
       }
     }
   }

@@ -33,12 +33,12 @@ static_assert(sizeof(MaskSection) == 16 && std::is_trivially_copyable_v<MaskSect
 
 struct MaskedTriangle {
   TexCoords corners{};
-  std::uint16_t mask = 0;  ///< of the page's; kNoMask: the triangle is not cut out
+  std::uint16_t mask = 0;              ///< of the page's; kNoMask: the triangle is not cut out
   std::uint16_t alpha = kNoMaskIndex;  ///< of the page's, where corners have alphas of their own
   std::uint32_t known = 0;             ///< two bits for each cell of its rectangle (base/mask.h)
 
   static constexpr std::uint16_t kMaskBits = 0x3FFF, kNoMask = 0x3FFF;
-  static constexpr std::uint16_t kFrontOnly = 0x4000;      ///< in `mask`: rays from the back pass
+  static constexpr std::uint16_t kFrontOnly = 0x4000;       ///< in `mask`: rays from the back pass
   static constexpr std::uint16_t kFrontClockwise = 0x8000;  ///< the front is where the corners go clockwise
 };
 static_assert(sizeof(MaskedTriangle) == 32 && std::is_trivially_copyable_v<MaskedTriangle>);
@@ -47,8 +47,9 @@ static_assert(sizeof(MaskedTriangle) == 32 && std::is_trivially_copyable_v<Maske
 struct MaskRef {
   MaskInfo info;
   std::uint32_t first_page = 0;  ///< of its tiles
+  std::uint32_t reserved = 0;
 };
-static_assert(sizeof(MaskRef) == 24 && std::is_trivially_copyable_v<MaskRef>);
+static_assert(sizeof(MaskRef) == 40 && std::is_trivially_copyable_v<MaskRef>);
 
 /// At the corners; 1 in between where there is none.
 using CornerAlphas = std::array<float, 3>;

@@ -9,8 +9,8 @@
 #include <unordered_map>
 
 #include "storage/pages/box_quantizer.h"
-#include "storage/pages/page_masks.h"
 #include "storage/pages/page_image.h"
+#include "storage/pages/page_masks.h"
 
 namespace raymill::storage {
 namespace {

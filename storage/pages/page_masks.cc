@@ -63,9 +63,9 @@ std::uint16_t PageMasks::alpha_index(const CornerAlphas& alphas) {
 
 void PageMasks::lay_out(PageHeader& header) const {
   header.page_type = kPageTypeMasked;
-  header.image_bytes = image_bytes_with_masks(header, {static_cast<std::uint32_t>(entries_.size()),
-                                                       static_cast<std::uint32_t>(masks_.size()),
-                                                       static_cast<std::uint32_t>(alphas_.size()), 0});
+  header.image_bytes = image_bytes_with_masks(
+      header, {static_cast<std::uint32_t>(entries_.size()), static_cast<std::uint32_t>(masks_.size()),
+               static_cast<std::uint32_t>(alphas_.size()), 0});
 }
 
 void PageMasks::write(const PageHeader& header, std::byte* image) const {

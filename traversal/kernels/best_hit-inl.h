@@ -123,9 +123,8 @@ Offered offer(KernelContext& context, Lane<N>& lane, const Candidate& hit, const
   }
   if (context.masks && texel != TexelWait::State::counts) {
     bool passes = false;
-    const Offered offered = texel == TexelWait::State::cut
-                                ? Offered::goes_on
-                                : pass_mask(context, lane, hit, corners, triangle, passes);
+    const Offered offered =
+        texel == TexelWait::State::cut ? Offered::goes_on : pass_mask(context, lane, hit, corners, triangle, passes);
     if (!passes || offered != Offered::goes_on) {
       return offered;
     }

@@ -26,10 +26,10 @@ std::vector<std::byte> read_rows(OIIO::ImageInput& input, const OIIO::ImageSpec&
                                  int rows, bool& good) {
   std::vector<std::byte> values(static_cast<std::size_t>(rows) * static_cast<std::size_t>(spec.width) * type.size());
   const int first = spec.y + y, channel = spec.alpha_channel;
-  good = spec.tile_width > 0 ? input.read_tiles(0, 0, spec.x, spec.x + spec.width, first, first + rows, spec.z,
-                                                spec.z + 1, channel, channel + 1, type, values.data())
-                             : input.read_scanlines(0, 0, first, first + rows, spec.z, channel, channel + 1, type,
-                                                    values.data());
+  good = spec.tile_width > 0
+             ? input.read_tiles(0, 0, spec.x, spec.x + spec.width, first, first + rows, spec.z, spec.z + 1, channel,
+                                channel + 1, type, values.data())
+             : input.read_scanlines(0, 0, first, first + rows, spec.z, channel, channel + 1, type, values.data());
   return values;
 }
 
