@@ -1,4 +1,4 @@
-// Whether a hit on a triangle counts where masks cut triangles out or sides are culled: storage/FORMAT.md, "Masks".
+// Whether a hit on a triangle counts where masks cut triangles out or sides are culled: storage/MASKS.md.
 //
 // The barycentrics that the texel is found by are computed here, in float64 by the formula of the watertight test and
 // its edge functions as they stand, whatever the mode and the query: so they all agree on what is cut out. Compiled

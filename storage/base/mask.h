@@ -1,5 +1,5 @@
 // Alpha masks: which texel of a texture a point of a triangle falls on, and whether it counts there. What the import,
-// the pages and traversal share, so that all of them round alike. Normative: storage/FORMAT.md, "Masks".
+// the pages and traversal share, so that all of them round alike. Normative: storage/MASKS.md.
 //
 //   point of the triangle (u, v) --> texture coordinates --> texel, before it is wrapped --> wrapped --> value
 //

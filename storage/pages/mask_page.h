@@ -3,7 +3,7 @@
 //   MaskPageHeader | tile 0 | tile 1 | ...        64 x 64 texels each, row by row, of 1, 8 or 16 bits
 //
 // A mask's tiles stand row by row in pages that follow each other, as many to a page as fit; so a texel's page and
-// place follow from the mask's first page. Normative description: storage/FORMAT.md.
+// place follow from the mask's first page. Normative description: storage/MASKS.md.
 #pragma once
 
 #include <array>

@@ -3,7 +3,7 @@
 //   MaskSection | index for each triangle | MaskedTriangle | MaskRef | alphas
 //
 // A triangle without an index is opaque. Triangles that look alike share an entry, so sides that are culled cost two
-// bytes a triangle. Normative description: storage/FORMAT.md.
+// bytes a triangle. Normative description: storage/MASKS.md.
 #pragma once
 
 #include <array>

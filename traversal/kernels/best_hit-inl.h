@@ -94,6 +94,25 @@ template <int N>
   return Offered::goes_on;
 }
 
+/// A ray before a masked triangle has come to the page of its texel. False: that is not there, or has no such texel.
+[[gnu::noinline]] inline bool answer_texel(KernelContext& context, RayState& ray) {
+  const std::byte* image = context.images[ray.page].load(std::memory_order_acquire);
+  bool counts = false;
+  if (image == nullptr) {
+    return false;
+  }
+  context.touched[ray.page].store(1, std::memory_order_relaxed);
+  ++context.counters.pages_entered;
+  if (!read_texel(image, ray.texel.texel, ray.texel.bits, ray.texel.least, counts)) {
+    context.corrupt = true;
+    ray.done = true;
+    return false;
+  }
+  ray.texel.become(counts ? TexelWait::State::counts : TexelWait::State::cut);
+  ray.page = ray.texel.leaf_page;
+  return true;
+}
+
 /// Takes the hit if it lies in the interval and before the best so far: by t, then geometry id, then primitive id.
 /// `texel`: what a mask says of it, where that is known.
 template <Query kQuery, Mode kMode, int N>

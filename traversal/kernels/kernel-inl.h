@@ -29,6 +29,7 @@
 #include "storage/pages/page_image.h"
 #include "traversal/kernel.h"
 #include "traversal/kernels/best_hit-inl.h"
+#include "traversal/kernels/box_test-inl.h"
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/instance-inl.h"
 #include "traversal/kernels/lane-inl.h"
@@ -40,27 +41,6 @@ namespace raymill::traversal::RAYMILL_ISA {
 
 using storage::ExternalKind;
 using storage::PageView;
-
-// The slab test of slab.h for all children of a node: those whose interval meets [tnear, tfar], and where it begins.
-template <int N, Mode kMode>
-[[gnu::always_inline]] inline unsigned test_boxes(const Node<N>& node, const RayFrame& ray, float tnear, float tfar,
-                                                  std::array<float, N>& entries) {
-  auto interval = NearFar<N>::broadcast(begin_of<kMode>(tnear), std::numeric_limits<float>::infinity());
-  for (int axis = 0; axis < 3; ++axis) {
-    const float scale = std::bit_cast<float>(static_cast<std::uint32_t>(node.exponent[axis] + 127) << 23);
-    const auto planes = NearFar<N>::from_bytes(node.lower, node.upper, axis, (ray.octant >> axis & 1) != 0);
-    interval.tighten((planes * scale + node.base[axis] - ray.org[axis]) * ray.rdir[axis]);
-  }
-  Floats<N> exit = interval.far();
-  exit = exit + abs(exit) * Floats<N>::broadcast(kExitPad);
-  if constexpr (kMode == Mode::exact) {
-    exit = exit + Floats<N>::broadcast(kExactSlack);
-  }
-  interval.near().store(entries.data());
-  // In this order an exit of -inf, which the pad turns into NaN, is kept and compares false: the box lies behind, or
-  // beside an axis-parallel ray.
-  return less_equal(interval.near(), min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), exit)) & node.valid;
-}
 
 inline void prefetch(const void* address) { __builtin_prefetch(address); }
 
@@ -109,7 +89,7 @@ class Batch {
   void take_ray(RayLane* lane) {
     while (taken_ < rays_.size()) {
       RayState& ray = rays_[taken_++];
-      if (context_.masks && ray.texel.what() == TexelWait::State::asked && !answer_texel(ray)) {
+      if (context_.masks && ray.texel.what() == TexelWait::State::asked && !answer_texel(context_, ray)) {
         continue;
       }
       lane->unpack(ray, context_.object_level);
@@ -125,24 +105,6 @@ class Batch {
         return;
       }
     }
-  }
-  // A ray before a masked triangle has its page of masks, or so one hopes. False: it waits on, or is done for.
-  [[gnu::noinline]] bool answer_texel(RayState& ray) {
-    const std::byte* image = image_of(ray.page);
-    bool counts = false;
-    if (image == nullptr) {
-      return false;
-    }
-    context_.touched[ray.page].store(1, std::memory_order_relaxed);
-    ++counters_.pages_entered;
-    if (!read_texel(image, ray.texel.texel, ray.texel.bits, ray.texel.least, counts)) {
-      context_.corrupt = true;
-      ray.done = true;
-      return false;
-    }
-    ray.texel.become(counts ? TexelWait::State::counts : TexelWait::State::cut);
-    ray.page = ray.texel.leaf_page;
-    return true;
   }
   // Nothing is pending any more.
   void finish(RayLane* lane) {
@@ -524,38 +486,5 @@ class Batch {
   Lists* next_ = &lists_[0];
   std::array<RayLane, kLanes> lanes_;
 };
-
-template <int N, Query kQuery, Mode kMode>
-void trace_batch(KernelContext& context, std::span<RayState> rays) {
-  Batch<N, kQuery, kMode>(context, rays).run();
-}
-
-template <int N, Query kQuery>
-Kernel select_mode(Mode mode) {
-  switch (mode) {
-    case Mode::fast:
-      return &trace_batch<N, kQuery, Mode::fast>;
-    case Mode::exact:
-      return &trace_batch<N, kQuery, Mode::exact>;
-    default:
-      return &trace_batch<N, kQuery, Mode::watertight>;
-  }
-}
-
-template <int N>
-Kernel select_query(const KernelChoice& choice) {
-  switch (choice.query) {
-    case Query::closest:
-      return select_mode<N, Query::closest>(choice.mode);
-    case Query::any:
-      return select_mode<N, Query::any>(choice.mode);
-    default:  // crossings, whether they are listed or counted
-      return select_mode<N, Query::all>(choice.mode);
-  }
-}
-
-inline Kernel select_kernel(const KernelChoice& choice) {
-  return choice.width == 8 ? select_query<8>(choice) : select_query<4>(choice);
-}
 
 }  // namespace raymill::traversal::RAYMILL_ISA
