@@ -252,11 +252,8 @@ Result<GltfMaterials> read_materials(const json& root, const MaskRule& rule, Led
     const json& primitives = member(meshes[i], "primitives");
     for (std::size_t k = 0; k < size_of(primitives); ++k) {
       of_mesh.push_back(read_primitive(root, primitives[k], out.materials));
-      const json& material = member(primitives[k], "material");
-      if (material.is_null() && rule.one_side) {
+      if (member(primitives[k], "material").is_null() && rule.one_side) {
         of_mesh.back().material = static_cast<int>(material_count);
-      } else if (!material.is_null() && index_below(material, material_count) < 0) {
-        return bad_scene("meshes[", i, "].primitives[", k, "] names a material that is not there", kMaterialRemedy);
       }
     }
   }

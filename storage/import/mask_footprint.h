@@ -1,9 +1,10 @@
 // MaskFootprint: which texels a triangle may fall on, and so whether a mask cuts it out, in whole, in part or not.
 //
-//        row of texels, widened by a margin
-//      _______/_\____________   the triangle between the row's edges, from its least to its greatest x: all texels that
-//            /   \              any point of it falls on, however its place was rounded, and few others
-//           /_____\
+//            .            a row of texels, widened by a margin, cuts the triangle: from the least to the largest x of
+//     -------/-.-------   what lies between its edges stand all texels that any point of the triangle falls on,
+//           /   .         however its place was rounded, and few others
+//     -----/-----.-----
+//         /_______.
 //
 // Immutable functions; thread-safe.
 #pragma once

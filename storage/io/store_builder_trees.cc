@@ -133,8 +133,14 @@ Result<TreeTotals> StoreBuilder::write_tree(const Partition& parts, std::uint32_
     return needs(count, base_.bytes() + blocks_.memory_bytes() + directory + a_page + a_run);
   }
   report_.runs_at_once = runs_at_once;
-  RunPipeline::Config config{config_.width, config_.page_bytes, plan_.codec, positions,
-                             threads,       runs_at_once,       next_page};
+  RunPipeline::Config config;
+  config.width = config_.width;
+  config.page_bytes = config_.page_bytes;
+  config.codec = plan_.codec;
+  config.positions = positions;
+  config.threads = threads;
+  config.runs_at_once = runs_at_once;
+  config.first_page = next_page;
   config.masks = masks_.empty() ? nullptr : &masks_;
   config.tree = tree;
   config.mask_refs = mask_refs_;

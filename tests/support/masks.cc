@@ -97,7 +97,7 @@ Status add_geometry(const MaskedScene& scene, std::size_t number, StoreBuilder& 
 
 std::string build_masked(const TempFolder& folder, const std::string& name, const MaskedScene& scene,
                          BuildConfig config) {
-  config.output = folder.file(name);
+  config.output = folder / name;
   const auto run = [&]() -> Status {
     RAYMILL_ASSIGN_OR_RETURN(const auto builder, StoreBuilder::create(config));
     for (const AlphaMap& map : scene.maps) {

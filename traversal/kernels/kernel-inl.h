@@ -415,7 +415,7 @@ class Batch {
   void decide_leaf(RayLane* lane) { decide(lane, lane->candidates, TexelWait::State::none); }
 
   // Of the triangles of `mask`, of the first of which a mask may say already that it counts or not.
-  [[gnu::always_inline]] void decide(RayLane* lane, unsigned mask, TexelWait::State texel) {
+  void decide(RayLane* lane, unsigned mask, TexelWait::State texel) {
     const std::uint32_t first = lane->places[lane->level].node->child[lane->slot];
     for (; mask != 0; mask &= mask - 1, texel = TexelWait::State::none) {
       const int i = std::countr_zero(mask);
