@@ -49,10 +49,6 @@ bool from_front(const MaskHit& hit, bool clockwise) {
   return clockwise ? along > 0 : along < 0;
 }
 
-double alpha_at(const storage::CornerAlphas& alphas, const Barycentrics& at) {
-  return (1 - at.u - at.v) * alphas[0] + at.u * alphas[1] + at.v * alphas[2];
-}
-
 }  // namespace
 
 MaskAnswer test_mask(const std::byte* image, std::uint32_t triangle, const MaskHit& hit, std::uint32_t page_bytes) {
@@ -91,7 +87,11 @@ MaskAnswer test_mask(const std::byte* image, std::uint32_t triangle, const MaskH
   std::uint32_t least = 1;
   if (info.bits != 1) {
     const std::uint32_t most = info.bits == 8 ? 255 : 65535;
-    const double alpha = entry.alpha == storage::kNoMaskIndex ? 1 : alpha_at(masks.alphas()[entry.alpha], at);
+    double alpha = 1;
+    if (entry.alpha != storage::kNoMaskIndex) {
+      const storage::CornerAlphas& corners = masks.alphas()[entry.alpha];
+      alpha = storage::between(corners[0], corners[1], corners[2], at.u, at.v);
+    }
     least = storage::least_counting(most, info.factor, alpha, info.cutoff);
     if (least == 0 || least > most) {
       return {.what = least == 0 ? What::counts : What::cut};

@@ -45,12 +45,16 @@ struct TexelPoint {
   double x = 0, y = 0;  ///< in texels, y downwards
 };
 
+/// What corners' values are at a point of the triangle. Where all three are equal it is their value, however u and v
+/// were rounded: textures often have a border of texels there.
+inline double between(double c0, double c1, double c2, double u, double v) {
+  return c0 + u * (c1 - c0) + v * (c2 - c0);
+}
+
 /// Where the point (1-u-v) c0 + u c1 + v c2 falls.
 inline TexelPoint texel_point(const TexCoords& corners, double u, double v, std::uint32_t width, std::uint32_t height) {
-  const double w = 1 - u - v;
-  const double s = w * corners[0][0] + u * corners[1][0] + v * corners[2][0];
-  const double t = w * corners[0][1] + u * corners[1][1] + v * corners[2][1];
-  return {s * width, t * height};
+  return {between(corners[0][0], corners[1][0], corners[2][0], u, v) * width,
+          between(corners[0][1], corners[1][1], corners[2][1], u, v) * height};
 }
 
 /// The texel of the texture that texel `at` of the plane stands for.

@@ -145,13 +145,17 @@ class Trial:
         some = len(np.load(few))
         again, _ = self.trace(store, few, "--adversarial")
         self.check(f"{name}, suspended everywhere: the same bytes", again.tobytes() == hits[:some].tobytes())
+        hit = np.isfinite(hits["t"])
         any_hit, _ = self.trace(store, path, "--query", "any")
-        self.check(f"{name}: any hit says the same", ((any_hit["t"] == 0) == np.isfinite(hits["t"])).all())
+        self.check(f"{name}: any hit says the same", ((any_hit["t"] == 0) == hit).all())
+        # Along an axis many rays meet borders of a surface, where a hit need not be a crossing (traversal/crossings.md).
+        off_axis = (np.load(path)[:, 4:7] != 0).all(axis=1)
         counts, _ = self.trace(store, path, "--query", "count")
-        self.check(f"{name}: a count is 0 where there is no hit", ((counts > 0) == np.isfinite(hits["t"])).all())
+        self.check(f"{name}: a count is 0 where there is no hit", ((counts > 0) == hit)[off_axis].all())
         first, _ = self.trace(store, path, "--query", "all", "--first", "1")
-        self.check(f"{name}: the first of all hits is the closest",
-                   first["t"].tobytes() == hits["t"][np.isfinite(hits["t"])].tobytes())
+        nearest = np.full(len(hits), np.inf, np.float32)
+        nearest[counts > 0] = first["t"]
+        self.check(f"{name}: the first of all hits is the closest", (nearest == hits["t"])[off_axis].all())
 
     def modes(self, name, scene, store, path, hits, *words):
         answers = {}

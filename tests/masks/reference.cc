@@ -1,9 +1,9 @@
 // raymill-mask-reference SCENE RAYS OUTPUT: the nearest hits that count, all in float64, textures sampled directly.
 //
 // Shares nothing with Raymill but the documented rule: barycentrics of ray and triangle, texture coordinates
-// w c0 + u c1 + v c2, times the texture's size, rounded down, wrapped; the texel counts where its alpha by OpenImageIO
-// times factor times the corners' alpha is at least the cutoff. Embree finds which triangles a ray may meet, by boxes
-// that are padded; the triangles are tested here (Moeller, Trumbore 1997, in float64).
+// c0 + u (c1 - c0) + v (c2 - c0), times the texture's size, rounded down, wrapped; the texel counts where its alpha by
+// OpenImageIO times factor times the corners' alpha is at least the cutoff. Embree finds which triangles a ray may
+// meet, by boxes that are padded; the triangles are tested here (Moeller, Trumbore 1997, in float64).
 //
 // SCENE (little-endian): u64 triangle count, u32 mask count; masks: u32 length of a path, the path (empty: alpha 1),
 // f64 factor, f64 cutoff, u32 wrap s, u32 wrap t (0 repeat, 1 mirror, 2 clamp); triangles: f32[9] corners, f32[6]
@@ -91,8 +91,8 @@ void load_alpha(const std::string& path, Mask& mask) {
   mask.alphas.resize(pixels);
   std::vector<std::uint8_t> small(bytes ? pixels * channels : 0);
   std::vector<std::uint16_t> wide(bytes ? 0 : pixels * channels);
-  const bool good = bytes ? input->read_image(OIIO::TypeDesc::UINT8, small.data())
-                          : input->read_image(OIIO::TypeDesc::UINT16, wide.data());
+  const bool good = bytes ? input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UINT8, small.data())
+                          : input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UINT16, wide.data());
   if (!good) {
     fail(path + ": " + input->geterror());
   }
@@ -145,12 +145,12 @@ bool counts(const Scene& scene, const Triangle& triangle, double u, double v) {
     return true;
   }
   const Mask& mask = scene.masks[static_cast<std::size_t>(triangle.mask)];
-  const double w = 1 - u - v;
+  const auto at = [&](double c0, double c1, double c2) { return c0 + u * (c1 - c0) + v * (c2 - c0); };
   const auto& c = triangle.tex_coords;
-  const long x = wrapped((w * c[0][0] + u * c[1][0] + v * c[2][0]) * mask.width, mask.width, mask.wrap_s);
-  const long y = wrapped((w * c[0][1] + u * c[1][1] + v * c[2][1]) * mask.height, mask.height, mask.wrap_t);
+  const long x = wrapped(at(c[0][0], c[1][0], c[2][0]) * mask.width, mask.width, mask.wrap_s);
+  const long y = wrapped(at(c[0][1], c[1][1], c[2][1]) * mask.height, mask.height, mask.wrap_t);
   const double texel = mask.alphas[static_cast<std::size_t>(y * mask.width + x)] / mask.most;
-  const double corners = w * triangle.alphas[0] + u * triangle.alphas[1] + v * triangle.alphas[2];
+  const double corners = at(triangle.alphas[0], triangle.alphas[1], triangle.alphas[2]);
   return texel * mask.factor * corners >= mask.cutoff;
 }
 

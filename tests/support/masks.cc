@@ -120,7 +120,7 @@ bool counts_at(const MaskedScene& scene, const FaceMask& face, double u, double 
   const TexelPoint at = texel_point(face.corners, u, v, info.width, info.height);
   const std::uint32_t value = map.value(wrap_texel(std::int64_t(std::floor(at.x)), info.width, info.wrap_s),
                                         wrap_texel(std::int64_t(std::floor(at.y)), info.height, info.wrap_t));
-  const double alpha = (1 - u - v) * face.alphas[0] + u * face.alphas[1] + v * face.alphas[2];
+  const double alpha = between(face.alphas[0], face.alphas[1], face.alphas[2], u, v);
   return info.bits == 1 ? value == 1 : counts(value, info.bits == 8 ? 255 : 65535, info.factor, alpha, info.cutoff);
 }
 
