@@ -41,18 +41,49 @@ else
   echo "test.sh: no scenes in $RAYMILL_SCENES; the tests that need them are left out"
 fi
 
-for suite in "${suites[@]}"; do
-  cmake --preset "$suite" > /dev/null
-  cmake --build --preset "$suite"
-done
+# build SUITE: configured and built.
+build() {
+  cmake --preset "$1" > /dev/null && cmake --build --preset "$1"
+}
+
+log=$(mktemp)
+next_log=$(mktemp)
+next_build=
+trap 'rm -f "$log" "$next_log"; [[ -z $next_build ]] || kill -- "-$next_build" 2> /dev/null || true' EXIT
+
+# build_beside SUITE: begins to build it, in what the tests of the suite before it leave idle.
+build_beside() {
+  set -m
+  (
+    renice -n 10 "$BASHPID" > /dev/null
+    build "$1"
+  ) > "$next_log" 2>&1 < /dev/null &
+  next_build=$!
+  set +m
+}
+
+# wait_for_build: until the build that was begun is done; its output, and 1 where it failed.
+wait_for_build() {
+  local done=0
+  wait "$next_build" || done=$?
+  next_build=
+  cat "$next_log"
+  return "$done"
+}
 
 declare -A labels=([release]='.*' [asan]='unit|corpus|fuzz' [tsan]='unit')
 passed=0
 failed=0
 left_out=0
-log=$(mktemp)
-trap 'rm -f "$log"' EXIT
-for suite in "${suites[@]}"; do
+build "${suites[0]}"
+for index in "${!suites[@]}"; do
+  suite=${suites[index]}
+  if ((index > 0)); then
+    wait_for_build
+  fi
+  if ((index + 1 < ${#suites[@]})); then
+    build_beside "${suites[index + 1]}"
+  fi
   ctest --preset "$suite" --label-regex "${labels[$suite]}" --parallel "$(nproc)" "${filter[@]}" 2>&1 | tee "$log" || true
   # The closing lines: "98% tests passed, 2 tests failed out of 100" and "Total Test time"; "12 - name (Skipped)".
   if ! summary=$(grep -E '^[0-9]+% tests passed, [0-9]+ tests failed out of [0-9]+$' "$log"); then
