@@ -117,6 +117,8 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_distinct_pages(stats.distinct_pages);
   wire.set_nodes_visited(stats.nodes_visited);
   wire.set_triangles_tested(stats.triangles_tested);
+  wire.set_masks_tested(stats.masks_tested);
+  wire.set_texels_read(stats.texels_read);
   wire.set_rays_parked(stats.rays_parked);
   wire.set_ray_spill_bytes(stats.ray_spill_bytes);
   wire.set_result_spill_bytes(stats.result_spill_bytes);
@@ -157,6 +159,8 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.distinct_pages = wire.distinct_pages();
   stats.nodes_visited = wire.nodes_visited();
   stats.triangles_tested = wire.triangles_tested();
+  stats.masks_tested = wire.masks_tested();
+  stats.texels_read = wire.texels_read();
   stats.rays_parked = wire.rays_parked();
   stats.ray_spill_bytes = wire.ray_spill_bytes();
   stats.result_spill_bytes = wire.result_spill_bytes();

@@ -65,6 +65,7 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::geometry_ids, "geometry_ids");
   feature(storage::Feature::lattice, "lattice");
   feature(storage::Feature::instances, "instances");
+  feature(storage::Feature::masks, "masks");
   feature(storage::Feature::volumes, "volumes");
   feature(storage::Feature::origin, "origin");
   info.origin = header.origin().position();

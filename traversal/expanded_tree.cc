@@ -45,7 +45,7 @@ bool is_block(const storage::Node<N>& node, unsigned slot) {
 
 bool ExpandedTree::possible(const storage::StoreFile& store) {
   constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
-  return !store.has_volumes() && store.footer().object_level == 0 && node_count(store) <= kMost &&
+  return !store.has_volumes() && !store.has_masks() && store.footer().object_level == 0 && node_count(store) <= kMost &&
          word_count(store) <= kMost;
 }
 

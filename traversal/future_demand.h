@@ -9,7 +9,8 @@
 //
 // Counted are one ray in kSampling, by its number: the counts steer nothing but the choice of a victim. Boxes beyond
 // the hit so far are counted too. A ray in an object, or on its way out of one, is not: where it waits no page says
-// what is pending above the instance. Thread-safe: counts are atomic and lag by the batches under way.
+// what is pending above the instance. Nor is one that waits for a texel. Thread-safe: counts are atomic and lag by the
+// batches under way.
 #pragma once
 
 #include <array>
@@ -76,7 +77,7 @@ class FutureDemand {
   using Count = std::atomic<std::int32_t>;
   static constexpr std::uint32_t kSampling = 16;
   static bool sampled(const RayState& ray) {
-    return ray.number % kSampling == 0 && !ray.object.inside && !ray.left_object;
+    return ray.number % kSampling == 0 && !ray.object.inside && !ray.left_object && !ray.texel.active();
   }
 
   /// One job's part of the counts; what is left of it when the job goes is taken away.

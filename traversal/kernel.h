@@ -19,6 +19,8 @@ struct KernelCounters {
   std::uint64_t triangles_tested = 0;
   std::uint64_t pages_entered = 0;
   std::uint64_t proxies_taken = 0;  ///< subtrees that were not entered, hit or passed
+  std::uint64_t masks_tested = 0;   ///< hits on triangles that may be cut out
+  std::uint64_t texels_read = 0;    ///< for those of them that were not known without
 };
 
 /// A hit of a ray that is asked for all of them.
@@ -78,6 +80,8 @@ struct KernelContext {
   CrossingBuffer* crossings = nullptr;   ///< none: they are counted alone
   unsigned object_level = 0;             ///< of the store; 0: it has no objects
   const Footprint* footprint = nullptr;  ///< none: every subtree is entered
+  bool masks = false;                    ///< the store has masked triangles
+  std::uint32_t page_bytes = 0;          ///< of the store, where it has
 };
 
 /// Thread-safe; no allocation, no lock, no virtual call. A ray that is not done afterwards waits for `ray.page`.

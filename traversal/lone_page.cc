@@ -3,6 +3,8 @@
 #include <bit>
 #include <cstring>
 
+#include "storage/pages/mask_page.h"
+
 namespace raymill::traversal {
 namespace {
 
@@ -31,6 +33,10 @@ const std::atomic<const std::byte*>* LonePage::show(std::uint32_t page, const st
   shown_ = page;
   const std::uint32_t image_bytes = storage::PageView(image).header().image_bytes;
   std::memcpy(copy_.data(), image, image_bytes);
+  if (storage::MaskPageView::is_mask_page(image)) {
+    images_[page].store(copy_.data());
+    return images_.get();
+  }
   auto& header = *reinterpret_cast<storage::PageHeader*>(copy_.data());
   header.externals_offset =
       (image_bytes + storage::kPageAlignment - 1) / storage::kPageAlignment * storage::kPageAlignment;

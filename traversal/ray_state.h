@@ -8,6 +8,9 @@
 //   flags level node number tfar org dir | skipped? | mask? | tnear? | hit? | corners? | object? | bitstack
 //                                     36 B + 0 or 8 + 0 or 4 + 0 or 4 + 0 to 28 + 0 or 36 + 0 or 40 to 80 + 0 to 16
 //
+// A ray that waits for a texel of a mask has 12 bytes more: it stands in a leaf, before a triangle that it meets, and
+// its page is the mask's until the texel is known, then the leaf's.
+//
 // A ray in the space of a placed object has its rays in both spaces with it (kernels/instance-inl.h), the id of the
 // instance and what takes normals to the world where the job asks for them.
 // In mode exact a hit has the corners of its triangle with it, 36 B more: where two hits round to the same t, exact
@@ -65,6 +68,24 @@ struct InObject {
   std::array<std::array<float, 3>, 3> normals{};  ///< columns; where normals are asked for
 };
 
+/// Of a ray in a leaf, before a triangle that is cut out by a mask.
+struct TexelWait {
+  enum class State : std::uint8_t { none = 0, asked = 1, cut = 2, counts = 3 };
+
+  std::uint32_t leaf_page = 0;
+  std::uint32_t texel = 0;  ///< of the page of masks
+  std::uint16_t least = 0;  ///< value that counts
+  std::uint8_t bits = 0;    ///< of a texel
+  std::uint8_t slot : 3 = 0;
+  std::uint8_t triangle : 3 = 0;  ///< of the leaf
+  std::uint8_t state : 2 = 0;     ///< State
+
+  [[nodiscard]] bool active() const { return state != 0; }
+  [[nodiscard]] State what() const { return static_cast<State>(state); }
+  void become(State to) { state = static_cast<std::uint8_t>(to) & 3U; }
+};
+static_assert(sizeof(TexelWait) == 12 && std::is_trivially_copyable_v<TexelWait>);
+
 struct RayState {
   std::array<float, 3> org{};  ///< in the object's space where the ray is in one; dir alike
   std::array<float, 3> dir{};
@@ -85,6 +106,7 @@ struct RayState {
   std::uint32_t mask = kAllMask;                  ///< where rays bring it
   InObject object;
   bool left_object = false;  ///< waits for the node where it goes on after an object
+  TexelWait texel;           ///< stores with masks alone
 };
 
 /// Out of the object that the ray is in.
@@ -103,6 +125,7 @@ struct KeptExtras {
   bool mask = false;
   bool instance_id = false;  ///< of the object that it is in
   bool normals = false;      ///< what takes the object's normals to the world
+  bool texel = false;        ///< that it waits for; stores with masks alone
 };
 
 /// Bytes of a waiting ray. Immutable.
@@ -116,26 +139,26 @@ class RecordLayout {
         skip_bytes_(extras.skipped ? sizeof(RayState::skipped) : 0),
         mask_bytes_(extras.mask ? sizeof(RayState::mask) : 0),
         id_bytes_(extras.instance_id ? sizeof(InObject::instance_id) : 0),
-        normals_bytes_(extras.normals ? sizeof(InObject::normals) : 0) {}
+        normals_bytes_(extras.normals ? sizeof(InObject::normals) : 0),
+        texel_bytes_(extras.texel ? sizeof(TexelWait) : 0) {}
 
   /// Of the smallest record.
   static constexpr std::size_t kLeastBytes = 36;
   /// Of the largest record.
   [[nodiscard]] std::size_t most_bytes() const {
     return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + sizeof(float) + hit_.row_bytes() + corners_bytes_ +
-           object_bytes() + sizeof(Bitstack);
+           object_bytes() + texel_bytes_ + sizeof(Bitstack);
   }
-  [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray), ray.object.inside); }
+  [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray), level_of(ray)); }
   [[nodiscard]] std::size_t bytes(const std::byte* record) const {
-    return bytes_for(static_cast<unsigned>(record[0]), (static_cast<unsigned>(record[1]) & kInside) != 0);
+    return bytes_for(static_cast<unsigned>(record[0]), static_cast<unsigned>(record[1]));
   }
 
   /// Returns the record's size.
   std::size_t pack(const RayState& ray, std::byte* record) const {
     const unsigned flags = flags_of(ray);
-    const auto level =
-        static_cast<std::uint8_t>(ray.level | (ray.object.inside ? kInside : 0) | (ray.left_object ? kLeftObject : 0));
-    const Fixed fixed{static_cast<std::uint8_t>(flags), level, ray.node, ray.number, ray.tfar, ray.org, ray.dir};
+    const Fixed fixed{
+        static_cast<std::uint8_t>(flags), level_of(ray), ray.node, ray.number, ray.tfar, ray.org, ray.dir};
     std::memcpy(record, &fixed, sizeof fixed);
     std::byte* at = record + sizeof fixed;
     std::memcpy(at, &ray.skipped, skip_bytes_);
@@ -158,6 +181,10 @@ class RecordLayout {
       std::memcpy(at + kObjectBytes + id_bytes_, &ray.object.normals, normals_bytes_);
       at += object_bytes();
     }
+    if (ray.texel.active()) {
+      std::memcpy(at, &ray.texel, texel_bytes_);
+      at += texel_bytes_;
+    }
     const std::size_t stack_bytes = flags >> kStackShift;
     std::memcpy(at, ray.stack.words.data(), stack_bytes);
     return static_cast<std::size_t>(at - record) + stack_bytes;
@@ -173,8 +200,9 @@ class RecordLayout {
     ray.tfar = fixed.tfar;
     ray.number = fixed.number;
     ray.node = fixed.node;
-    ray.level = fixed.level & kLevel;
-    ray.left_object = (fixed.level & kLeftObject) != 0;
+    const bool at_texel = (fixed.level & kAtTexel) == kAtTexel;
+    ray.level = fixed.level & (at_texel ? kLevel & ~kAtTexel : kLevel);
+    ray.left_object = !at_texel && (fixed.level & kLeftObject) != 0;
     ray.resume = static_cast<Resume>(fixed.flags & kResume);
     ray.has_hit = (fixed.flags & kHasHit) != 0;
     std::memcpy(&ray.skipped, at, skip_bytes_);
@@ -198,12 +226,19 @@ class RecordLayout {
       std::memcpy(&ray.object.normals, at + kObjectBytes + id_bytes_, normals_bytes_);
       at += object_bytes();
     }
+    if (at_texel) {
+      std::memcpy(&ray.texel, at, texel_bytes_);
+      at += texel_bytes_;
+    }
     std::memcpy(ray.stack.words.data(), at, fixed.flags >> kStackShift);
   }
 
  private:
   static constexpr unsigned kResume = 1, kHasHit = 2, kHasTnear = 4, kStackShift = 3;
   static constexpr unsigned kInside = 0x80, kLeftObject = 0x40, kLevel = 0x3F;
+  // Both at once of what a ray that waits for a texel is not: on its way out of an object, and among volumes
+  // (volume/volume_kernel.h).
+  static constexpr unsigned kAtTexel = kLeftObject | 0x20;
   static constexpr std::size_t kObjectBytes = offsetof(InObject, instance_id);
   static_assert(kObjectBytes == 40 && std::is_trivially_copyable_v<InObject>);
   struct Fixed {
@@ -218,6 +253,10 @@ class RecordLayout {
   static_assert(sizeof(Fixed) == kLeastBytes && std::is_trivially_copyable_v<Fixed>);
   static_assert(sizeof(Bitstack) < 1U << (8 - kStackShift), "the stack's size shares a byte with three flags");
 
+  static std::uint8_t level_of(const RayState& ray) {
+    return static_cast<std::uint8_t>(ray.level | (ray.object.inside ? kInside : 0) |
+                                     (ray.left_object ? kLeftObject : 0) | (ray.texel.active() ? kAtTexel : 0));
+  }
   static unsigned flags_of(const RayState& ray) {
     const auto& words = ray.stack.words;
     const int bits = words[1] != 0 ? 64 + std::bit_width(words[1]) : std::bit_width(words[0]);
@@ -225,10 +264,11 @@ class RecordLayout {
            static_cast<unsigned>(bits + 7) / 8 << kStackShift;
   }
   [[nodiscard]] std::size_t object_bytes() const { return kObjectBytes + id_bytes_ + normals_bytes_; }
-  [[nodiscard]] std::size_t bytes_for(unsigned flags, bool in_object) const {
+  [[nodiscard]] std::size_t bytes_for(unsigned flags, unsigned level) const {
+    const bool in_object = (level & kInside) != 0, at_texel = (level & kAtTexel) == kAtTexel;
     return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
            ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (in_object ? object_bytes() : 0) +
-           (flags >> kStackShift);
+           (at_texel ? texel_bytes_ : 0) + (flags >> kStackShift);
   }
 
   HitLayout hit_;
@@ -237,6 +277,7 @@ class RecordLayout {
   std::size_t mask_bytes_ = 0;
   std::size_t id_bytes_ = 0;
   std::size_t normals_bytes_ = 0;
+  std::size_t texel_bytes_ = 0;
 };
 
 }  // namespace raymill::traversal

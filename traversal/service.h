@@ -115,14 +115,16 @@ struct JobStats {
   // Of this job:
   std::uint64_t nodes_visited = 0;
   std::uint64_t triangles_tested = 0;
-  std::uint64_t proxies_taken = 0;                         ///< subtrees that rays did not enter, hit or passed
-  std::uint64_t rays_expanded = 0;                         ///< rays that the expanded layout answered
-  double expand_seconds = 0;                               ///< of all workers, for laying the store out so, once
-  std::uint64_t pages_entered = 0;                         ///< times a ray came to a page, or to another part of one
-  std::uint64_t rays_parked = 0;                           ///< times a ray waited for a page
-  std::uint64_t peak_in_flight = 0;                        ///< rays that were in flight at once
-  std::uint64_t most_in_flight = 0;                        ///< rays that may be, those that wait on disk among them
-  std::uint64_t ray_spill_bytes = 0;                       ///< of rays that waited on disk for a page
+  std::uint64_t proxies_taken = 0;    ///< subtrees that rays did not enter, hit or passed
+  std::uint64_t masks_tested = 0;     ///< hits on triangles with a mask or one side, before it was known if they count
+  std::uint64_t texels_read = 0;      ///< for those of them that no more than their place in the triangle decided
+  std::uint64_t rays_expanded = 0;    ///< rays that the expanded layout answered
+  double expand_seconds = 0;          ///< of all workers, for laying the store out so, once
+  std::uint64_t pages_entered = 0;    ///< times a ray came to a page, or to another part of one
+  std::uint64_t rays_parked = 0;      ///< times a ray waited for a page
+  std::uint64_t peak_in_flight = 0;   ///< rays that were in flight at once
+  std::uint64_t most_in_flight = 0;   ///< rays that may be, those that wait on disk among them
+  std::uint64_t ray_spill_bytes = 0;  ///< of rays that waited on disk for a page
   std::uint64_t result_spill_bytes = 0;                    ///< results that waited on disk for next()
   double trace_seconds = 0;                                ///< from the first push to the last hit
   std::uint64_t peak_rss_bytes = 0;                        ///< of the process that traces

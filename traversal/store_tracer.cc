@@ -221,7 +221,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
                                      {.skipped = config.skips,
                                       .mask = config.masks,
                                       .instance_id = has(kept | setup.config.fields, Field::instance_id),
-                                      .normals = has(setup.config.fields, Field::normal)});
+                                      .normals = has(setup.config.fields, Field::normal),
+                                      .texel = file_->has_masks()});
   plan.waiting.directory = config_.spill_directory;
   plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 
@@ -402,6 +403,8 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock
   job->stats.pages_entered += counters.kernel.pages_entered;
   job->stats.triangles_tested += counters.kernel.triangles_tested;
   job->stats.proxies_taken += counters.kernel.proxies_taken;
+  job->stats.masks_tested += counters.kernel.masks_tested;
+  job->stats.texels_read += counters.kernel.texels_read;
   if (counters.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +
                                            ": has pages whose references do not fit each other; build it "

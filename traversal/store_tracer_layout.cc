@@ -62,6 +62,11 @@ Status StoreTracer::plan_layout(const StoreShare& share) {
       return {ErrorCode::unsupported,
               file_->path() + ": has volumes, which the expanded layout does not hold; use --layout auto"};
     }
+    if (file_->has_masks()) {
+      return {ErrorCode::unsupported, file_->path() +
+                                          ": has triangles with masks, which the expanded layout does not hold; use "
+                                          "--layout auto"};
+    }
     if (!possible) {
       return {ErrorCode::unsupported, file_->path() +
                                           ": has instances, or more triangles than the expanded layout can hold; use "
@@ -153,6 +158,8 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
   context.crossings = crossings;
   context.object_level = file_->rules().object_level;
   context.footprint = job.footprint();
+  context.masks = file_->has_masks();
+  context.page_bytes = file_->header().page_bytes;
   job.kernel(context, rays);
   if (worker.lone_page) {
     worker.lone_page->settle(rays, image);

@@ -72,7 +72,8 @@ Verb add_build(CLI::App& app) {
       "\nReads glTF 2.0 (.gltf and .glb; Draco and meshopt too), PLY, OBJ, STL (in words and in binary) and OpenVDB\n"
       "(fog volumes and level sets of float32), told apart by their first bytes. Meshes that many nodes use are "
       "stored\n"
-      "once (--instances), others in world space; faces of many corners are cut into triangles. The store is\n"
+      "once (--instances), others in world space; faces of many corners are cut into triangles. Leaves that a\n"
+      "material of alphaMode MASK cuts out of a texture are cut out: alpha is read by its nearest texel. The store is\n"
       "written under a temporary name and renamed when whole. The same scenes give the same bytes.\n\n"
       "  raymill build city.gltf -o city.mill --memory 1G\n"
       "  raymill build --manifest tiles.txt -o country.mill --stats build.json");
@@ -126,6 +127,14 @@ Verb add_build(CLI::App& app) {
   verb->add_option("--grid", options->config.volume_grids, "Take only the grids of this name; may be given again")
       ->type_name("NAME")
       ->allow_extra_args(false);
+  verb->add_flag("--ignore-alpha", options->config.ignore_alpha,
+                 "Take every triangle as opaque, whatever its material says; no texture is read then");
+  verb->add_option("--blend-as-mask", options->config.blend_as_mask,
+                   "Cut triangles of alphaMode BLEND out where their alpha is below this, as those of MASK are below "
+                   "their alphaCutoff; left out: they are opaque")
+      ->type_name("CUTOFF");
+  verb->add_flag("--cull-back-faces", options->config.cull_back_faces,
+                 "Let rays pass from the back where a material is not doubleSided; left out: both sides are hit");
   verb->add_option("--threads", options->config.threads, "Threads; 0: one for each core")
       ->type_name("N")
       ->capture_default_str();

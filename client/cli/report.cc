@@ -92,6 +92,13 @@ std::string volume_text(const json& volume) {
          std::to_string(volume.value("active_voxels", std::uint64_t{0})) + " active voxels";
 }
 
+std::string masks_text(const json& masks) {
+  const auto number = [&](const char* key) { return masks.is_object() ? masks.value(key, std::uint64_t{0}) : 0; };
+  return std::to_string(number("masks")) + " in " + std::to_string(number("pages")) + " pages (" +
+         format_bytes(number("encoded_bytes")) + "), " + format_bytes(number("section_bytes")) +
+         " beside the triangles when decoded; layout compact";
+}
+
 }  // namespace
 
 json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memory_bytes, unsigned threads) {
@@ -131,6 +138,8 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"io_note", stats.io_note},
           {"nodes_visited", stats.nodes_visited},
           {"triangles_tested", stats.triangles_tested},
+          {"masks_tested", stats.masks_tested},
+          {"texels_read", stats.texels_read},
           {"pages_entered", stats.pages_entered},
           {"proxies_taken", stats.proxies_taken},
           {"rays_parked", stats.rays_parked},
@@ -181,7 +190,7 @@ json info_json(const StoreInfo& info, const InfoExtras& extras) {
   for (const char* key : {"import", "geometries", "cameras"}) {
     object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
   }
-  for (const char* key : {"volumes", "lattice"}) {
+  for (const char* key : {"volumes", "lattice", "masks"}) {
     if (metadata.is_object() && metadata.contains(key)) {
       object[key] = metadata[key];
     }
@@ -218,6 +227,9 @@ std::string info_text(const StoreInfo& info, const InfoExtras& extras) {
     text += line("kernel", kernel);
   }
   const json metadata = parsed(info.metadata_json);
+  if (metadata.is_object() && metadata.contains("masks")) {
+    text += line("masks", masks_text(metadata["masks"]));
+  }
   if (metadata.is_object() && metadata.contains("volumes")) {
     for (const json& volume : metadata["volumes"]) {
       text += line("volume", volume_text(volume));
@@ -255,6 +267,10 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"levels", report.levels},
       {"volumes", report.volumes},
       {"bricks", report.bricks},
+      {"masks", report.masks},
+      {"mask_pages", report.mask_pages},
+      {"mask_bytes", report.mask_bytes},
+      {"mask_section_bytes", report.mask_section_bytes},
       {"sah_cost", report.sah_cost},
       {"max_displacement", report.max_displacement},
       {"origin", report.origin},
@@ -288,6 +304,10 @@ std::string build_text(const BuildReport& report, const std::string& output) {
   }
   if (report.origin != std::array<double, 3>{}) {
     text += "positions are kept relative to " + point(report.origin) + "\n";
+  }
+  if (report.masks > 0) {
+    text += std::to_string(report.masks) + " masks in " + std::to_string(report.mask_pages) + " pages (" +
+            format_bytes(report.mask_bytes) + ")\n";
   }
   if (report.max_displacement > 0) {
     text += formatted("largest displacement of a vertex: %g scene units", report.max_displacement) +

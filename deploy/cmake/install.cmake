@@ -81,7 +81,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/package/RaymillConfigVers
 install(FILES ${PROJECT_BINARY_DIR}/package/RaymillConfig.cmake ${PROJECT_BINARY_DIR}/package/RaymillConfigVersion.cmake
         DESTINATION ${raymill_package_directory})
 
-# The programs. raymill starts raymill-image to write pictures and raymill-vdb to read OpenVDB files.
+# The programs. raymill starts raymill-image to write pictures and read textures, raymill-vdb to read OpenVDB files.
 if(TARGET raymill)
   install(TARGETS raymill RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "storage/base/position_map.h"
+#include "storage/build/mask_spool.h"
 
 namespace raymill::storage {
 namespace {
@@ -58,7 +59,7 @@ class PageMeter {
 
  private:
   struct Counts {
-    std::uint64_t nodes = 0, externals = 0, triangles = 0;
+    std::uint64_t nodes = 0, externals = 0, triangles = 0, masked = 0;
   };
 
   void add_node(const WideNode& node, std::vector<std::uint32_t>& new_geometries) {
@@ -72,6 +73,7 @@ class PageMeter {
       for (std::uint32_t i = node.child[slot]; i < node.child[slot] + node.count[slot]; ++i) {
         const Triangle& t = tree_.triangles[i];
         ++counts_.triangles;
+        counts_.masked += has_mask(i) ? 1 : 0;
         for (std::size_t corner = 0; corner < 3; ++corner) {
           corners_[std::size_t(i) * 3 + corner] = static_cast<std::uint16_t>(vertices_.insert(t.v[corner]));
         }
@@ -97,6 +99,11 @@ class PageMeter {
     }
   }
 
+  [[nodiscard]] bool has_mask(std::uint32_t triangle) const {
+    return !cost_.mask_entries.empty() && cost_.mask_entries[triangle] != TreeMasks::kNone &&
+           cost_.mask_entries[triangle] >= TreeMasks::kShared;
+  }
+
   // Everything inside a page is numbered with 16 bits.
   [[nodiscard]] bool fits() const {
     constexpr std::uint64_t kMost = 0xFFFF;
@@ -107,7 +114,7 @@ class PageMeter {
   [[nodiscard]] std::uint64_t bytes() const {
     return cost_.header_bytes + counts_.nodes * cost_.node_bytes + counts_.externals * cost_.external_bytes +
            counts_.triangles * cost_.triangle_bytes + vertices_.size() * cost_.vertex_bytes +
-           geometries_.size() * cost_.geometry_bytes;
+           geometries_.size() * cost_.geometry_bytes + counts_.masked * cost_.mask_bytes;
   }
 
   static constexpr std::uint32_t kNoGeometry = 0xFFFFFFFFu;

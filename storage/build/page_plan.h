@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "storage/base/status.h"
@@ -27,6 +28,9 @@ struct PageCost {
   std::uint32_t triangle_bytes = 0;  ///< without its vertices
   std::uint32_t vertex_bytes = 0;    ///< a distinct position
   std::uint32_t geometry_bytes = 0;  ///< a distinct geometry id
+  std::uint32_t mask_bytes = 0;      ///< a triangle's entry in the section of masks
+  /// [triangle]: whether it has an entry of its own (TreeMasks::entry_of); empty: none has.
+  std::span<const std::uint32_t> mask_entries = {};
 };
 
 constexpr std::uint32_t kTreeletsPerPage = 8;

@@ -1,7 +1,9 @@
 #include "storage/import/gltf_accessor.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <utility>
 
 #include "storage/import/message.h"
 #include "storage/import/tinygltf_config.h"
@@ -106,14 +108,13 @@ Result<GltfAccessor> GltfAccessor::open(const tinygltf::Model& model, int access
   opened.count_ = declared.count;
   opened.components_ = components;
   opened.normalized_ = declared.normalized;
-  const bool scalar = components == 1, vec3 = components == 3;
-  const int wanted = scalar ? TINYGLTF_TYPE_SCALAR : vec3 ? TINYGLTF_TYPE_VEC3 : TINYGLTF_TYPE_VEC4;
+  constexpr std::array<std::pair<int, const char*>, 4> kTypes{{{TINYGLTF_TYPE_SCALAR, "SCALAR"},
+                                                               {TINYGLTF_TYPE_VEC2, "VEC2"},
+                                                               {TINYGLTF_TYPE_VEC3, "VEC3"},
+                                                               {TINYGLTF_TYPE_VEC4, "VEC4"}}};
+  const auto& [wanted, name] = kTypes[components - 1];
   if (declared.type != wanted) {
-    return bad_scene("accessors[", accessor, "] must be ",
-                     scalar ? "SCALAR"
-                     : vec3 ? "VEC3"
-                            : "VEC4",
-                     " to be used so");
+    return bad_scene("accessors[", accessor, "] must be ", name, " to be used so");
   }
   const std::optional<ComponentType> type = component_type(declared.componentType);
   if (!type) {

@@ -40,8 +40,8 @@ double component_value(const std::byte* bytes, ComponentType type, bool normaliz
 
 class GltfAccessor {
  public:
-  /// `accessor` must be an index of the document; `components` is what the caller needs (1 for SCALAR, 3 for VEC3, 4
-  /// for VEC4).
+  /// `accessor` must be an index of the document; `components` is what the caller needs (1 for SCALAR, 2 to 4
+  /// for VEC2 to VEC4).
   /// Errors: bad_scene, and those of GltfBuffers::read for the sparse part.
   static Result<GltfAccessor> open(const tinygltf::Model& model, int accessor, std::uint32_t components,
                                    GltfBuffers& buffers, Ledger& ledger);

@@ -180,9 +180,13 @@ int GltfDocument::indices_of(const tinygltf::Primitive& primitive) {
   return it == primitive.attributes.end() ? -1 : it->second;
 }
 
-Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContainer& container, Ledger& ledger) {
+Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContainer& container, Ledger& ledger,
+                                        const MaskRule& masks) {
   GltfDocument document;
   RAYMILL_ASSIGN_OR_RETURN(JsonTree tree, read_tree(file, container, ledger));
+  if (masks.masks || masks.blend_cutoff || masks.one_side) {
+    RAYMILL_ASSIGN_OR_RETURN(document.materials_, read_materials(tree.root, masks, ledger));
+  }
   RAYMILL_RETURN_IF_ERROR(normalize(tree.root));
   RAYMILL_RETURN_IF_ERROR(check_version(tree.root["asset"]));
   RAYMILL_ASSIGN_OR_RETURN(ExtensionUse extensions, check_extensions(tree.root));

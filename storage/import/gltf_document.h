@@ -16,6 +16,7 @@
 #include "storage/base/status.h"
 #include "storage/import/byte_source.h"
 #include "storage/import/gltf_container.h"
+#include "storage/import/gltf_materials.h"
 #include "storage/import/gltf_meshopt.h"
 
 namespace tinygltf {
@@ -38,7 +39,8 @@ class GltfDocument {
  public:
   /// Reads the JSON part of `file`. Claims for the parse and for the model.
   /// Errors: bad_scene, unsupported (a required extension, by name; another glTF version), io, budget_exceeded.
-  static Result<GltfDocument> load(const ByteSource& file, const GltfContainer& container, Ledger& ledger);
+  static Result<GltfDocument> load(const ByteSource& file, const GltfContainer& container, Ledger& ledger,
+                                   const MaskRule& masks = {});
 
   GltfDocument(GltfDocument&&) noexcept;
   GltfDocument& operator=(GltfDocument&&) noexcept;
@@ -51,6 +53,8 @@ class GltfDocument {
   [[nodiscard]] const std::vector<std::string>& ignored_extensions() const { return ignored_extensions_; }
   /// bufferViews that EXT_meshopt_compression compresses.
   [[nodiscard]] std::uint64_t meshopt_views() const { return meshopt_views_; }
+  /// What of its materials matters by the rule that it was loaded with; nothing where that asks for nothing.
+  [[nodiscard]] const GltfMaterials& materials() const { return materials_; }
   /// True where integer positions are allowed (KHR_mesh_quantization).
   [[nodiscard]] bool quantization() const { return quantization_; }
 
@@ -64,6 +68,7 @@ class GltfDocument {
   std::unique_ptr<tinygltf::Model> model_;
   std::vector<BufferDeclaration> buffers_;
   std::vector<std::string> ignored_extensions_;
+  GltfMaterials materials_;
   bool quantization_ = false;
   std::uint64_t meshopt_views_ = 0;
 };

@@ -157,11 +157,13 @@ struct DracoMesh::Body {
   const draco::PointAttribute* positions = nullptr;
   ComponentType type = ComponentType::float32;
 
-  Status decode(std::span<const std::byte> stream, std::uint32_t position_attribute_id, Ledger& ledger);
-  Status check(std::uint32_t position_attribute_id);
+  std::uint32_t components = 3;
+
+  Status decode(std::span<const std::byte> stream, const DracoAttribute& attribute, Ledger& ledger);
+  Status check(const DracoAttribute& attribute);
 };
 
-Status DracoMesh::Body::decode(std::span<const std::byte> stream, std::uint32_t position_attribute_id, Ledger& ledger) {
+Status DracoMesh::Body::decode(std::span<const std::byte> stream, const DracoAttribute& attribute, Ledger& ledger) {
   const auto* data = reinterpret_cast<const char*>(stream.data());
   RAYMILL_ASSIGN_OR_RETURN(const StreamCounts counts, read_counts(data, stream.size()));
   const std::uint64_t face_bytes = counts.edgebreaker
@@ -173,18 +175,21 @@ Status DracoMesh::Body::decode(std::span<const std::byte> stream, std::uint32_t 
   buffer.Init(data, stream.size());
   RAYMILL_RETURN_IF_ERROR(counts.edgebreaker ? run_decoder<draco::MeshEdgebreakerDecoder>(buffer, mesh, claim)
                                              : run_decoder<draco::MeshSequentialDecoder>(buffer, mesh, claim));
-  return check(position_attribute_id);
+  return check(attribute);
 }
 
 // What the accessors below rely on.
-Status DracoMesh::Body::check(std::uint32_t position_attribute_id) {
-  positions = mesh.GetAttributeByUniqueId(position_attribute_id);
+Status DracoMesh::Body::check(const DracoAttribute& attribute) {
+  positions = mesh.GetAttributeByUniqueId(attribute.id);
+  components = attribute.components;
   if (positions == nullptr) {
-    return bad_scene("the Draco stream has no attribute ", position_attribute_id, ", which POSITION names");
+    return bad_scene("the Draco stream has no attribute ", attribute.id, ", which ",
+                     components == 3 ? "POSITION" : "its material", " names");
   }
   const std::optional<ComponentType> known = component_type(positions->data_type());
-  if (!known || positions->num_components() != 3) {
-    return bad_scene("attribute ", position_attribute_id, " of the Draco stream is not made of 3 numbers of glTF's");
+  if (!known || positions->num_components() != static_cast<int>(components)) {
+    return bad_scene("attribute ", attribute.id, " of the Draco stream is not made of ", components,
+                     " numbers of glTF's");
   }
   type = *known;
   for (draco::FaceIndex face(0); face < mesh.num_faces(); ++face) {
@@ -204,7 +209,8 @@ Status DracoMesh::Body::check(std::uint32_t position_attribute_id) {
   for (draco::PointIndex point(0); point < mesh.num_points(); ++point) {
     const std::uint64_t start =
         positions->mapped_index(point).value() * stride + static_cast<std::uint64_t>(positions->byte_offset());
-    if (positions->mapped_index(point).value() >= positions->size() || start + 3 * size_bytes(type) > stored_bytes) {
+    if (positions->mapped_index(point).value() >= positions->size() ||
+        start + components * size_bytes(type) > stored_bytes) {
       return bad_scene("point ", point.value(), " of the Draco stream has no position");
     }
   }
@@ -216,11 +222,11 @@ DracoMesh::DracoMesh(DracoMesh&&) noexcept = default;
 DracoMesh& DracoMesh::operator=(DracoMesh&&) noexcept = default;
 DracoMesh::~DracoMesh() = default;
 
-Result<DracoMesh> DracoMesh::decode(std::span<const std::byte> stream, std::uint32_t position_attribute_id,
+Result<DracoMesh> DracoMesh::decode(std::span<const std::byte> stream, const DracoAttribute& attribute,
                                     Ledger& ledger) {
   try {
     auto body = std::make_unique<Body>();
-    RAYMILL_RETURN_IF_ERROR(body->decode(stream, position_attribute_id, ledger));
+    RAYMILL_RETURN_IF_ERROR(body->decode(stream, attribute, ledger));
     return DracoMesh(std::move(body));
   } catch (const std::exception& error) {
     return damaged(message("cannot be decoded (", error.what(), ")"));
@@ -236,12 +242,19 @@ std::array<std::uint32_t, 3> DracoMesh::face(std::uint32_t face) const {
 }
 
 Vec3d DracoMesh::position(std::uint32_t point, bool normalized) const {
-  const draco::PointAttribute& positions = *body_->positions;
-  std::byte raw[3 * sizeof(float)];
-  positions.GetMappedValue(draco::PointIndex(point), raw);
+  const std::array<double, 4> p = values(point, normalized);
+  return {p[0], p[1], p[2]};
+}
+
+std::array<double, 4> DracoMesh::values(std::uint32_t point, bool normalized) const {
+  std::byte raw[4 * sizeof(float)];
+  body_->positions->GetMappedValue(draco::PointIndex(point), raw);
   const std::uint32_t step = size_bytes(body_->type);
-  return {component_value(raw, body_->type, normalized), component_value(raw + step, body_->type, normalized),
-          component_value(raw + 2 * step, body_->type, normalized)};
+  std::array<double, 4> out{};
+  for (std::uint32_t i = 0; i < body_->components; ++i) {
+    out[i] = component_value(raw + i * step, body_->type, normalized);
+  }
+  return out;
 }
 
 }  // namespace raymill::storage

@@ -17,12 +17,22 @@
 
 namespace raymill::storage {
 
+/// What of a stream is wanted.
+struct DracoAttribute {
+  std::uint32_t id = 0;
+  std::uint32_t components = 3;  ///< 2 to 4
+};
+
 class DracoMesh {
  public:
   /// Decodes `stream`. Faces keep the decoder's order.
   /// Errors: bad_scene (not a Draco mesh, damaged, no such attribute), unsupported (a newer Draco), budget_exceeded.
+  static Result<DracoMesh> decode(std::span<const std::byte> stream, const DracoAttribute& attribute, Ledger& ledger);
+  /// Of positions.
   static Result<DracoMesh> decode(std::span<const std::byte> stream, std::uint32_t position_attribute_id,
-                                  Ledger& ledger);
+                                  Ledger& ledger) {
+    return decode(stream, DracoAttribute{position_attribute_id, 3}, ledger);
+  }
 
   DracoMesh(DracoMesh&&) noexcept;
   DracoMesh& operator=(DracoMesh&&) noexcept;
@@ -34,6 +44,8 @@ class DracoMesh {
   [[nodiscard]] std::array<std::uint32_t, 3> face(std::uint32_t face) const;
   /// The position of a point; integers as glTF's `normalized` says.
   [[nodiscard]] Vec3d position(std::uint32_t point, bool normalized) const;
+  /// All components of a point's attribute; those that it has not are 0.
+  [[nodiscard]] std::array<double, 4> values(std::uint32_t point, bool normalized) const;
 
  private:
   struct Body;

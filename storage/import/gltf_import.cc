@@ -9,6 +9,7 @@
 #include "storage/import/gltf_buffers.h"
 #include "storage/import/gltf_container.h"
 #include "storage/import/gltf_document.h"
+#include "storage/import/gltf_masks.h"
 #include "storage/import/gltf_nodes.h"
 #include "storage/import/gltf_primitives.h"
 #include "storage/import/gltf_scene.h"
@@ -42,7 +43,9 @@ void note_extensions(const std::vector<std::string>& names, ImportReport& report
 Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger& ledger, TriangleSink& sink,
                     ImportReport& report, bool& sink_failed) {
   RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
-  RAYMILL_ASSIGN_OR_RETURN(GltfDocument document, GltfDocument::load(file.bytes, container, ledger));
+  RAYMILL_ASSIGN_OR_RETURN(
+      GltfDocument document,
+      GltfDocument::load(file.bytes, container, ledger, options.masks != nullptr ? options.mask_rule : MaskRule()));
   RAYMILL_ASSIGN_OR_RETURN(GltfScene scene, place_nodes(document.model(), options.scene, ledger));
   RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
                            ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
@@ -58,7 +61,13 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
   }
 
   TriangleWriter writer(sink, report);
-  Status status = import_nodes({document, buffers, ledger, writer, report}, scene, file.name, options);
+  std::optional<GltfMasks> masks;
+  if (options.masks != nullptr && !document.materials().materials.empty()) {
+    masks.emplace(
+        GltfMasks::Config{document, document.materials(), buffers, file.folder, *options.masks, ledger, report});
+  }
+  Status status =
+      import_nodes({document, buffers, ledger, writer, report, masks ? &*masks : nullptr}, scene, file.name, options);
   sink_failed = writer.sink_failed();
   return status;
 }

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "storage/import/gltf_masks.h"
 #include "storage/import/gltf_placements.h"
 #include "storage/import/message.h"
 #include "storage/import/tinygltf_config.h"
@@ -149,8 +150,7 @@ class NodeImport {
     RAYMILL_RETURN_IF_ERROR(options_.instances->begin_object());
     const Counts before{report.triangles, report.kept};
     for (std::size_t i = 0; i < visit.source.primitives.size(); ++i) {
-      context_.out.begin_copy(visit.first_entry + i, static_cast<std::uint32_t>(i));
-      RAYMILL_RETURN_IF_ERROR(import_one(visit, i, Transform()));
+      RAYMILL_RETURN_IF_ERROR(import_one(visit, i, static_cast<std::uint32_t>(i), Transform()));
       GeometryInfo& geometry = report.geometries[visit.first_entry + i];
       visit.mesh.counts.push_back({geometry.triangles, geometry.kept});
       geometry.triangles = geometry.kept = 0;
@@ -183,8 +183,7 @@ class NodeImport {
                                         static_cast<std::uint32_t>(report.instances++)});
     }
     for (std::size_t i = 0; i < primitives; ++i) {
-      context_.out.begin_copy(visit.first_entry + i, base + static_cast<std::uint32_t>(i));
-      RAYMILL_RETURN_IF_ERROR(import_one(visit, i, world_from_mesh));
+      RAYMILL_RETURN_IF_ERROR(import_one(visit, i, base + static_cast<std::uint32_t>(i), world_from_mesh));
     }
     return {};
   }
@@ -194,11 +193,24 @@ class NodeImport {
     return object.box.empty() || (invertible(placement) && in_range(placed_box(placement, object.box)));
   }
 
-  Status import_one(const Visit& visit, std::size_t primitive, const Transform& transform) {
-    Status status = import_primitive(visit.source.primitives[primitive], transform, context_);
+  Status import_one(const Visit& visit, std::size_t primitive, std::uint32_t geometry_id, const Transform& transform) {
+    context_.out.begin_copy(visit.first_entry + primitive, geometry_id);
+    Status status = begin_masks(visit, primitive, geometry_id, transform);
+    if (status.ok()) {
+      status = import_primitive(visit.source.primitives[primitive], transform, context_);
+    }
     return status.ok() || context_.out.sink_failed()
                ? status
                : in_context(message("meshes[", node_of(visit.placed).mesh, "].primitives[", primitive, "]"), status);
+  }
+
+  Status begin_masks(const Visit& visit, std::size_t primitive, std::uint32_t geometry_id, const Transform& transform) {
+    if (context_.masks != nullptr) {
+      RAYMILL_ASSIGN_OR_RETURN(const TriangleWriter::Faces faces,
+                               context_.masks->begin(node_of(visit.placed).mesh, primitive, geometry_id, transform));
+      context_.out.set_faces(faces);
+    }
+    return {};
   }
 
   const PrimitiveContext& context_;

@@ -21,6 +21,8 @@ struct Primitive;
 
 namespace raymill::storage {
 
+class GltfMasks;
+
 /// What all primitives of an import share.
 struct PrimitiveContext {
   const GltfDocument& document;
@@ -28,6 +30,7 @@ struct PrimitiveContext {
   Ledger& ledger;
   TriangleWriter& out;
   ImportReport& report;
+  GltfMasks* masks = nullptr;  ///< none: everything is opaque and has two sides
 };
 
 /// Scratch of one primitive beside its own claims: a piece of raw and of placed corners, of raw and of read indices.

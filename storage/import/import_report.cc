@@ -13,6 +13,14 @@ std::string_view to_string(ImportCode code) {
       return "dropped_not_finite";
     case ImportCode::dropped_out_of_range:
       return "dropped_out_of_range";
+    case ImportCode::dropped_cut_out:
+      return "dropped_cut_out";
+    case ImportCode::masked_triangles:
+      return "masked_triangles";
+    case ImportCode::opaque_under_masks:
+      return "opaque_under_masks";
+    case ImportCode::opaque_without_texcoords:
+      return "opaque_without_texcoords";
     case ImportCode::left_out_points:
       return "left_out_points";
     case ImportCode::left_out_lines:

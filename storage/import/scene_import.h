@@ -20,6 +20,7 @@
 #include "storage/base/status.h"
 #include "storage/base/vec3.h"
 #include "storage/base/volume.h"
+#include "storage/import/mask_sink.h"
 
 namespace raymill::storage {
 
@@ -29,6 +30,7 @@ enum class ImportCode : std::uint16_t {
   dropped_degenerate = 100,     ///< two corners at the same position, or zero area in exact arithmetic
   dropped_not_finite = 101,     ///< a corner is NaN or infinite
   dropped_out_of_range = 102,   ///< a coordinate beyond kPositionLimit
+  dropped_cut_out = 103,        ///< a mask leaves nothing of it
   left_out_points = 200,        ///< primitives of mode POINTS
   left_out_lines = 201,         ///< primitives of mode LINES, LINE_LOOP, LINE_STRIP
   left_out_no_positions = 202,  ///< primitives without POSITION
@@ -42,9 +44,12 @@ enum class ImportCode : std::uint16_t {
   draco_primitives = 300,
   sparse_accessors = 301,
   quantized_positions = 302,
-  polygons = 303,       ///< faces of more than three corners: cut into triangles
-  gpu_instances = 305,  ///< placements by EXT_mesh_gpu_instancing
-  meshopt_views = 304,  ///< bufferViews that EXT_meshopt_compression compresses
+  polygons = 303,                  ///< faces of more than three corners: cut into triangles
+  gpu_instances = 305,             ///< placements by EXT_mesh_gpu_instancing
+  meshopt_views = 304,             ///< bufferViews that EXT_meshopt_compression compresses
+  masked_triangles = 306,          ///< with a mask that cuts something out of them
+  opaque_under_masks = 307,        ///< of a material with a mask that cuts nothing out of them
+  opaque_without_texcoords = 308,  ///< of such a material, with texture coordinates that are not finite or too large
 };
 std::string_view to_string(ImportCode code);
 
@@ -87,12 +92,21 @@ struct VolumeInfo {
   Index3 cells{};
 };
 
+/// What masks take in a store.
+struct MaskBytes {
+  std::uint64_t masks = 0;
+  std::uint64_t pages = 0;          ///< of texels
+  std::uint64_t encoded_bytes = 0;  ///< of those, in the store
+  std::uint64_t section_bytes = 0;  ///< of what pages of triangles hold for them, decoded
+};
+
 struct ImportReport {
   std::map<ImportCode, std::uint64_t> counts;
   std::vector<GeometryInfo> geometries;  ///< rising by id
   std::uint64_t geometry_count = 0;      ///< every id is below it
   std::vector<CameraInfo> cameras;
   std::vector<VolumeInfo> volumes;
+  MaskBytes masks;
   std::vector<std::string> ignored_extensions;  ///< sorted, each once
   std::uint64_t instances = 0;                  ///< placements of objects; the next one's id
   std::uint64_t triangles = 0;                  ///< in the input, of every placement
@@ -134,12 +148,21 @@ class InstanceSink {
   virtual Status place(const Placed& placed) = 0;
 };
 
+/// What is made of materials' alpha and sides.
+struct MaskRule {
+  bool masks = false;                       ///< materials of mode MASK cut triangles out
+  std::optional<double> blend_cutoff = {};  ///< those of mode BLEND too, with this cutoff; none: they are opaque
+  bool one_side = false;                    ///< materials that are not doubleSided are hit from the front alone
+};
+
 struct ImportOptions {
   std::optional<std::uint32_t> scene;  ///< glTF scene index; the file's default (else the first) where not given
   InstanceRule rule = InstanceRule::automatic;
   InstanceSink* instances = nullptr;  ///< none: everything becomes triangles in world space
   /// Subtracted in float64 from every position before it is rounded, and from where objects are placed. Cameras stay.
   std::array<double, 3> origin{};
+  MaskRule mask_rule = {};
+  MaskSink* masks = nullptr;  ///< none: everything is opaque, whatever the rule
 };
 
 /// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be

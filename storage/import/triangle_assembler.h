@@ -24,20 +24,55 @@ enum class PrimitiveMode : std::uint8_t {
   triangle_fan = 6,
 };
 
-class TriangleAssembler {
+/// Of corners of any type, to whatever takes three of them: Status add(const std::array<Corner, 3>&).
+template <typename Corner, typename Out>
+class CornerAssembler {
  public:
-  TriangleAssembler(PrimitiveMode mode, TriangleWriter& out) : mode_(mode), out_(out) {}
+  CornerAssembler(PrimitiveMode mode, Out& out) : mode_(mode), out_(out) {}
 
-  /// Takes the next corners. Errors: the sink's.
-  Status feed(std::span<const Vec3f> corners);
+  /// Takes the next corners. Errors: those of `out`.
+  Status feed(std::span<const Corner> corners) {
+    for (const Corner& corner : corners) {
+      const std::uint64_t number = fed_++;
+      const std::uint64_t in_list = mode_ == PrimitiveMode::triangles ? number % 3 : number;
+      if (in_list < 2) {
+        held_[in_list] = corner;
+        continue;
+      }
+      RAYMILL_RETURN_IF_ERROR(complete(corner, number));
+    }
+    return {};
+  }
   /// Corners past the last whole triangle.
-  [[nodiscard]] std::uint64_t leftover() const;
+  [[nodiscard]] std::uint64_t leftover() const {
+    return mode_ == PrimitiveMode::triangles ? fed_ % 3 : fed_ < 3 ? fed_ : 0;
+  }
 
  private:
+  Status complete(const Corner& corner, std::uint64_t number) {
+    using Corners = std::array<Corner, 3>;
+    const std::array<Corner, 2> held = held_;
+    switch (mode_) {
+      case PrimitiveMode::triangle_strip: {
+        // Triangle i of a strip is (i, i+1, i+2), or (i, i+2, i+1) where i is odd; here i = number - 2.
+        const bool turned = number % 2 != 0;
+        held_ = {held[1], corner};
+        return out_.add(turned ? Corners{held[0], corner, held[1]} : Corners{held[0], held[1], corner});
+      }
+      case PrimitiveMode::triangle_fan:
+        held_[1] = corner;
+        return out_.add(Corners{held[1], corner, held[0]});
+      default:
+        return out_.add(Corners{held[0], held[1], corner});
+    }
+  }
+
   const PrimitiveMode mode_;
-  TriangleWriter& out_;
-  std::array<Vec3f, 2> held_;  // list: the triangle's first two; strip: the last two; fan: the first and the last
+  Out& out_;
+  std::array<Corner, 2> held_{};  // list: the triangle's first two; strip: the last two; fan: the first and the last
   std::uint64_t fed_ = 0;
 };
+
+using TriangleAssembler = CornerAssembler<Vec3f, TriangleWriter>;
 
 }  // namespace raymill::storage

@@ -1,5 +1,6 @@
 #include "storage/import/triangle_filter.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -102,10 +103,37 @@ Status TriangleWriter::add(const std::array<Vec3f, 3>& corners) {
     case TriangleVerdict::keep:
       break;
   }
+  if (faces_.all_cut || faces_.first != GeometryMask::kNoFaces) {
+    RAYMILL_ASSIGN_OR_RETURN(const bool cut, is_cut(primitive_id));
+    if (cut) {
+      ++report_.counts[ImportCode::dropped_cut_out];
+      return {};
+    }
+  }
   ++geometry.kept;
   ++report_.kept;
   piece_.push_back({corners, geometry_id_, primitive_id});
   return piece_.size() == kPieceTriangles ? hand_on() : Status();
+}
+
+Result<bool> TriangleWriter::is_cut(std::uint32_t primitive_id) {
+  if (faces_.all_cut) {
+    return true;
+  }
+  const std::uint64_t face = faces_.first + primitive_id;
+  if (face < first_read_ || face >= first_read_ + read_faces_.size()) {
+    // Those past the geometry's own may be of another or not there.
+    first_read_ = face;
+    read_faces_.resize(std::min<std::uint64_t>(kFacePiece, faces_.first + faces_.count - face));
+    RAYMILL_RETURN_IF_ERROR(faces_.sink->read_faces(first_read_, read_faces_));
+  }
+  const std::uint32_t mask = read_faces_[face - first_read_].mask;
+  if (mask < FaceMask::kCut) {
+    ++report_.counts[ImportCode::masked_triangles];
+  } else if (mask == FaceMask::kOpaque) {
+    ++report_.counts[ImportCode::opaque_under_masks];
+  }
+  return mask == FaceMask::kCut;
 }
 
 Status TriangleWriter::hand_on() {

@@ -23,6 +23,14 @@ class TriangleWriter {
   static constexpr std::size_t kPieceTriangles = 16384;
   static constexpr std::uint64_t kPulse = 1 << 16;
 
+  /// What is known of a geometry's faces under masks.
+  struct Faces {
+    MaskSink* sink = nullptr;
+    std::uint64_t first = GeometryMask::kNoFaces;  ///< face of primitive 0; none: no triangle is cut out by itself
+    std::uint64_t count = 0;
+    bool all_cut = false;  ///< nothing is left of any triangle
+  };
+
   TriangleWriter(TriangleSink& sink, ImportReport& report);
 
   /// Later triangles belong to the last entry of report.geometries.
@@ -34,12 +42,16 @@ class TriangleWriter {
     entry_ = entry;
     geometry_id_ = geometry_id;
     primitive_id_ = report_.geometries[entry].triangles;
+    faces_ = {};
+    read_faces_.clear();
   }
   /// Later triangles are the geometry's from its first on, once more.
   void begin_copy(std::size_t entry, std::uint32_t geometry_id) {
     set_geometry(entry, geometry_id);
     primitive_id_ = 0;
   }
+  /// Of the triangles that come until another geometry is begun.
+  void set_faces(const Faces& faces) { faces_ = faces; }
   /// Judges the next triangle of the geometry. Errors: the sink's, unsupported (more triangles than primitive ids).
   Status add(const std::array<Vec3f, 3>& corners);
   /// Hands on what is left. Errors: the sink's.
@@ -51,10 +63,14 @@ class TriangleWriter {
   [[nodiscard]] bool sink_failed() const { return sink_failed_; }
 
   /// What the writer holds, for the claim.
-  static constexpr std::uint64_t heap_bytes() { return kPieceTriangles * sizeof(Triangle); }
+  static constexpr std::uint64_t heap_bytes() {
+    return kPieceTriangles * sizeof(Triangle) + kFacePiece * sizeof(FaceMask);
+  }
 
  private:
+  static constexpr std::size_t kFacePiece = 1024;
   Status hand_on();
+  Result<bool> is_cut(std::uint32_t primitive_id);
 
   TriangleSink& sink_;
   ImportReport& report_;
@@ -62,6 +78,9 @@ class TriangleWriter {
   std::size_t entry_ = 0;
   std::uint32_t geometry_id_ = 0;
   std::uint64_t primitive_id_ = 0;
+  Faces faces_;
+  std::vector<FaceMask> read_faces_;  // in a row
+  std::uint64_t first_read_ = 0;
   bool sink_failed_ = false;
   std::uint64_t pulses_ = 0;
 };

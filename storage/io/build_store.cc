@@ -44,9 +44,10 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
       RAYMILL_RETURN_IF_ERROR(builder->add_volumes(config.scenes[i]));
       continue;
     }
-    RAYMILL_RETURN_IF_ERROR(import_scene(
-        config.scenes[i], {config.scene_index, builder->instance_rule(), builder.get(), builder->origin().position()},
-        builder->ledger(), *builder, builder->import_report()));
+    RAYMILL_RETURN_IF_ERROR(import_scene(config.scenes[i],
+                                         {config.scene_index, builder->instance_rule(), builder.get(),
+                                          builder->origin().position(), builder->mask_rule(), builder.get()},
+                                         builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }

@@ -33,12 +33,15 @@ struct BuildConfig {
       {};                                      ///< of .vdb scenes in their order, rows of a 3 x 4 matrix, "1,0,..."
   std::string volume_values = "float32";       ///< or "lattice:STEP": rounded to multiples of a power of two
   std::vector<std::string> volume_grids = {};  ///< names of the grids to take; none: all
+  bool ignore_alpha = false;                   ///< no triangle is cut out by a mask, whatever its material says
+  std::optional<double> blend_as_mask = {};    ///< materials of mode BLEND are masks with this cutoff; none: opaque
+  bool cull_back_faces = false;                ///< rays pass a triangle from its back where its material has one side
   /// What positions are kept relative to: "auto" (a point of the first scene where that lies far out, else the world's
   /// zero), "none" (the world's zero) or "X,Y,Z". A StoreWriter takes "auto" for "none".
   std::string origin = "auto";
   unsigned threads = 0;  ///< 0: one for each core; the bytes of the store do not depend on it
-  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "build", "volumes") and a
-  /// fraction in [0,1]; returns false to stop the build (interrupted).
+  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "masks", "build", "volumes")
+  /// and a fraction in [0,1]; returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress = {};
 };
 
@@ -53,8 +56,12 @@ struct BuildReport {
   std::uint64_t decoded_bytes = 0;
   std::uint32_t levels = 0;
   std::uint64_t volumes = 0;
-  std::uint64_t bricks = 0;           ///< of all volumes
-  std::array<double, 3> origin{};     ///< what positions are relative to, in the world
+  std::uint64_t bricks = 0;              ///< of all volumes
+  std::uint64_t masks = 0;               ///< textures that triangles are cut out by
+  std::uint64_t mask_pages = 0;          ///< of their texels
+  std::uint64_t mask_bytes = 0;          ///< of those in the store
+  std::uint64_t mask_section_bytes = 0;  ///< that pages of triangles hold for masks, decoded
+  std::array<double, 3> origin{};        ///< what positions are relative to, in the world
   double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
   double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
   double rms_displacement = 0;        ///< the same, root of the mean square over the corners of all triangles

@@ -8,6 +8,8 @@
 #include "storage/io/store_file.h"
 #include "storage/io/volume_table.h"
 #include "storage/pages/codec.h"
+#include "storage/pages/mask_page.h"
+#include "storage/pages/masked_section.h"
 #include "storage/pages/page_assembler.h"
 #include "storage/pages/page_image.h"
 
@@ -86,6 +88,34 @@ nlohmann::ordered_json nodes_json(const PageView& view) {
   return nodes;
 }
 
+nlohmann::ordered_json masks_json(const PageHeader& header, const MaskSectionView& view) {
+  nlohmann::ordered_json json;
+  json["entry_of_triangle"] = nlohmann::ordered_json::array();
+  for (std::uint32_t i = 0; i < header.triangle_count; ++i) {
+    const std::uint16_t index = view.indices()[i];
+    json["entry_of_triangle"].push_back(index == kNoMaskIndex ? -1 : int(index));
+  }
+  for (std::uint32_t i = 0; i < view.section().entry_count; ++i) {
+    const MaskedTriangle& entry = view.entries()[i];
+    const unsigned mask = entry.mask & MaskedTriangle::kMaskBits;
+    json["entries"].push_back({{"mask", mask == MaskedTriangle::kNoMask ? -1 : int(mask)},
+                               {"front_only", (entry.mask & MaskedTriangle::kFrontOnly) != 0},
+                               {"tex_coords", entry.corners},
+                               {"known", entry.known}});
+    if (entry.alpha != kNoMaskIndex) {
+      json["entries"].back()["alphas"] = view.alphas()[entry.alpha];
+    }
+  }
+  for (std::uint32_t i = 0; i < view.section().mask_count; ++i) {
+    const MaskRef& mask = view.masks()[i];
+    json["list"].push_back({{"first_page", mask.first_page},
+                            {"size", {mask.info.width, mask.info.height}},
+                            {"bits", mask.info.bits},
+                            {"cutoff", mask.info.cutoff}});
+  }
+  return json;
+}
+
 nlohmann::ordered_json page_json(const PageView& view) {
   const PageHeader& header = view.header();
   nlohmann::ordered_json json{{"nodes", header.node_count},         {"ghosts", header.ghost_count},
@@ -112,6 +142,9 @@ nlohmann::ordered_json page_json(const PageView& view) {
                                  {"min", {instance.lower.x, instance.lower.y, instance.lower.z}},
                                  {"max", {instance.upper.x, instance.upper.y, instance.upper.z}},
                                  {"world_from_object", instance.world_from_object}});
+  }
+  if (header.page_type == kPageTypeMasked) {
+    json["masks"] = masks_json(header, MaskSectionView(reinterpret_cast<const std::byte*>(&header)));
   }
   return json;
 }
@@ -194,7 +227,10 @@ Result<VerifyReport> verify(const std::string& path) {
       return store->page_fault(page, size.status());
     }
     const bool holds_volume = VolumePageView::is_volume_page(frame.data());
-    const Status bounds = holds_volume ? check_bounds(frame.data(), volumes) : check_boxes(frame.data());
+    const bool holds_masks = MaskPageView::is_mask_page(frame.data());
+    const Status bounds = holds_volume  ? check_bounds(frame.data(), volumes)
+                          : holds_masks ? Status()
+                                        : check_boxes(frame.data());
     if (!bounds.ok()) {
       return store->page_fault(page, bounds);
     }
@@ -203,7 +239,7 @@ Result<VerifyReport> verify(const std::string& path) {
     }
     if (holds_volume) {
       report.bricks += VolumePageView(frame.data()).header().brick_count;
-    } else {
+    } else if (!holds_masks) {
       report.triangles += PageView(frame.data()).header().triangle_count;
       report.instances += PageView(frame.data()).header().instance_count;
     }
@@ -252,6 +288,10 @@ Result<std::string> inspect_page(const std::string& path, std::uint32_t page_ind
     json["fault"] = size.status().message();
   } else if (VolumePageView::is_volume_page(frame.data())) {
     json.update(volume_page_json(VolumePageView(frame.data())));
+  } else if (MaskPageView::is_mask_page(frame.data())) {
+    const MaskPageHeader& header = MaskPageView(frame.data()).header();
+    json["mask_tiles"] = header.tile_count;
+    json["bits"] = header.bits;
   } else {
     json.update(page_json(PageView(frame.data())));
   }

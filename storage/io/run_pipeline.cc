@@ -48,6 +48,7 @@ struct RunPipeline::Run {
   PagePlan plan;
   TreePlace place;
   std::vector<Instance> instances;  // [triangle of the tree]
+  TreeMasks masks;
   std::vector<EncodedPage> pages;
 };
 
@@ -170,8 +171,14 @@ Status RunPipeline::build_tree(Run& run) const {
   }
   run.place.instances = run.instances;
   const auto ancestors = static_cast<std::uint32_t>(run.place.ancestors.size());
-  const PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies)
-                                  : page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies);
+  PageCost cost = instances ? instance_page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies)
+                            : page_cost(config_.width, config_.page_bytes, ancestors, config_.proxies);
+  if (config_.masks != nullptr && !instances) {
+    RAYMILL_RETURN_IF_ERROR(config_.masks->look_up(config_.tree, run.tree.triangles, run.masks));
+    run.place.masks = &run.masks;
+    run.place.mask_refs = config_.mask_refs;
+    add_mask_cost(run.masks, cost);
+  }
   RAYMILL_ASSIGN_OR_RETURN(run.plan, plan_pages(run.tree, cost));
   return {};
 }
@@ -210,7 +217,9 @@ std::vector<RunPipeline::EncodedPage> RunPipeline::encode_pages(const PageAssemb
     auto image = assembler.assemble(static_cast<std::uint32_t>(i));
     pages[i].status = image ? check_boxes(image->data()) : image.status();
     if (pages[i].status.ok()) {
-      pages[i].decoded_bytes = static_cast<std::uint32_t>(image->size());
+      const PageHeader& header = PageView(image->data()).header();
+      pages[i].decoded_bytes = header.image_bytes;
+      pages[i].mask_section_bytes = header.image_bytes - instances_end(header);
       pages[i].bytes = encoder.encode(*image);
     }
   };
@@ -222,6 +231,7 @@ std::vector<RunPipeline::EncodedPage> RunPipeline::encode_pages(const PageAssemb
 Status RunPipeline::write_pages(const std::vector<EncodedPage>& pages, const PageNumbers& numbers) {
   for (std::uint32_t i = 0; i < pages.size(); ++i) {
     RAYMILL_RETURN_IF_ERROR(pages[i].status);
+    totals_.mask_section_bytes += pages[i].mask_section_bytes;
     RAYMILL_RETURN_IF_ERROR(writer_.add_page(PageId{numbers.of(i)}, pages[i].bytes, pages[i].decoded_bytes));
   }
   return {};

@@ -11,11 +11,13 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "storage/base/block_store.h"
 #include "storage/base/status.h"
 #include "storage/build/binary_tree.h"
+#include "storage/build/mask_spool.h"
 #include "storage/build/page_plan.h"
 #include "storage/build/partition.h"
 #include "storage/build/top_tree.h"
@@ -40,6 +42,7 @@ struct TreeTotals {
   std::uint64_t nodes = 0;
   unsigned levels = 0;
   double area_cost = 0;
+  std::uint64_t mask_section_bytes = 0;  ///< decoded
 };
 
 class RunPipeline {
@@ -55,6 +58,9 @@ class RunPipeline {
     std::uint32_t first_page = 0;
     /// The instance that a triangle with this primitive id stands for; called from many threads at once.
     std::function<Result<Instance>(std::uint32_t number)> instance;
+    const MaskSpool* masks = nullptr;         ///< none: all triangles are opaque
+    std::uint32_t tree = MaskSpool::kWorld;   ///< by which the spool knows them
+    std::span<const MaskRef> mask_refs = {};  ///< [mask]
     /// Called after each run with the triangles written so far; an error ends the work.
     std::function<Status(std::uint64_t triangles)> progress;
   };
@@ -74,6 +80,7 @@ class RunPipeline {
     Status status;
     std::vector<std::byte> bytes;
     std::uint32_t decoded_bytes = 0;
+    std::uint32_t mask_section_bytes = 0;
   };
   struct Run;
 

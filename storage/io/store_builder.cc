@@ -67,6 +67,13 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
     RAYMILL_RETURN_IF_ERROR(parse_volume_transform(transform).status());
   }
   RAYMILL_ASSIGN_OR_RETURN(plan.origin, parse_origin(config.origin));
+  if (config.blend_as_mask && !(*config.blend_as_mask >= 0 && *config.blend_as_mask <= 1)) {
+    return {ErrorCode::invalid_argument, "--blend-as-mask takes a cutoff from 0 to 1"};
+  }
+  if (config.blend_as_mask && config.ignore_alpha) {
+    return {ErrorCode::invalid_argument, "--blend-as-mask and --ignore-alpha exclude each other"};
+  }
+  plan.masks = {!config.ignore_alpha, config.blend_as_mask, config.cull_back_faces};
   plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   return plan;
 }
@@ -88,13 +95,14 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       blocks_(ledger_, temporary_folder(probe_)),
       spool_(blocks_, plan_.threads > 1),
       instances_(blocks_),
+      masks_(blocks_),
       origin_(plan_.origin.value_or(Origin())),
       volumes_({config.page_bytes, config.width, plan_.codec, plan_.volume_step, config.volume_grids}) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
   RAYMILL_ASSIGN_OR_RETURN(spool_claim_, ledger_.claim(Tag::build, spool_.bytes()));
-  RAYMILL_ASSIGN_OR_RETURN(instances_claim_, ledger_.claim(Tag::build, kBlockBytes));
+  RAYMILL_ASSIGN_OR_RETURN(instances_claim_, ledger_.claim(Tag::build, kBlockBytes + MaskSpool::bytes()));
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
@@ -211,6 +219,7 @@ Result<Partition> StoreBuilder::partition(Lattice& lattice) {
   RAYMILL_RETURN_IF_ERROR(step("partition", 0));
   RAYMILL_ASSIGN_OR_RETURN(TriangleBucket all, spool_.take());
   spool_claim_ = {};
+  RAYMILL_RETURN_IF_ERROR(masks_.finish());
   Aabb extent = all.box;
   for (const Tree& object : objects_) {
     extent.grow(object.bucket.box);
@@ -256,6 +265,9 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
   if (instances_.count() > 0) {
     header.features |= static_cast<std::uint64_t>(Feature::instances);
   }
+  if (!masks_.empty()) {
+    header.features |= static_cast<std::uint64_t>(Feature::masks);
+  }
   if (!volumes_.empty()) {
     header.features |= static_cast<std::uint64_t>(Feature::volumes);
   }
@@ -291,6 +303,12 @@ Result<BuildReport> StoreBuilder::finish() {
                 "dropped (" +
                 report_.import_json + ")"};
   }
+  if (config_.proxies && !masks_.empty()) {
+    return {
+        ErrorCode::invalid_argument,
+        "--proxies stand for triangles that are opaque and have two sides, and this scene has others; leave it out, or "
+        "--cull-back-faces, or give --ignore-alpha"};
+  }
   const auto build_start = Clock::now();
   RAYMILL_RETURN_IF_ERROR(step("build", 0));
   if (parts.runs.empty()) {
@@ -307,6 +325,10 @@ Result<BuildReport> StoreBuilder::finish() {
   report_.nodes = footer.node_count;
   report_.levels = footer.levels;
   report_.runs = parts.runs.size();
+  import_report_.masks.masks = report_.masks = mask_refs_.size();
+  report_.mask_pages = import_report_.masks.pages;
+  report_.mask_bytes = import_report_.masks.encoded_bytes;
+  report_.mask_section_bytes = import_report_.masks.section_bytes;
   return finish_file(writer, footer, build_start);
 }
 

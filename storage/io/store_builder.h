@@ -24,6 +24,7 @@
 #include "storage/base/ledger.h"
 #include "storage/base/status.h"
 #include "storage/build/instance_spool.h"
+#include "storage/build/mask_spool.h"
 #include "storage/build/partition.h"
 #include "storage/build/top_tree.h"
 #include "storage/build/triangle_spool.h"
@@ -37,7 +38,7 @@
 
 namespace raymill::storage {
 
-class StoreBuilder final : public TriangleSink, public InstanceSink {
+class StoreBuilder final : public TriangleSink, public InstanceSink, public MaskSink {
  public:
   /// `config` must outlive the builder; its scenes are not read here. `run_triangles`: smaller only in tests.
   /// Errors: invalid_argument, budget_exceeded, and those of a file that cannot be written.
@@ -61,6 +62,14 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   Status begin_object() override;
   Result<Object> end_object() override;
   Status place(const Placed& placed) override;
+  Result<std::uint32_t> add_mask(const AlphaMap& map) override { return masks_.add_mask(map); }
+  Result<std::uint64_t> add_faces(std::span<const FaceMask> faces) override { return masks_.add_faces(faces); }
+  Status read_faces(std::uint64_t first, std::span<FaceMask> faces) override { return masks_.read_faces(first, faces); }
+  void set_masks(std::uint32_t geometry_id, const GeometryMask& masks) override {
+    masks_.set_masks(object_ ? static_cast<std::uint32_t>(objects_.size()) : MaskSpool::kWorld, geometry_id, masks);
+  }
+  /// What the import is to do with materials, as the config says.
+  [[nodiscard]] MaskRule mask_rule() const { return plan_.masks; }
   /// Adds the grids of an OpenVDB file. Errors: those of VolumeBuild::add(), invalid_argument (the transform).
   Status add_volumes(const std::string& path);
   /// Builds and writes the store. Errors: bad_scene (nothing to hit), budget_exceeded, unsupported, disk_full, io,
@@ -74,6 +83,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
     InstanceRule instances = InstanceRule::automatic;
     std::optional<std::int32_t> volume_step{};
     std::optional<Origin> origin{};
+    MaskRule masks{};
     unsigned threads = 1;
   };
   using Clock = std::chrono::steady_clock;
@@ -105,8 +115,9 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   [[nodiscard]] Result<unsigned> object_level(const Partition& scene) const;
   Status write_trees(const Partition& scene, unsigned object_level, const PositionKind& positions,
                      StoreFileWriter& writer, StoreFooter& footer);
-  Result<TreeTotals> write_tree(const Partition& parts, LevelRange levels, const PositionKind& positions,
-                                StoreFileWriter& writer, std::uint32_t& next_page);
+  Result<TreeTotals> write_tree(const Partition& parts, std::uint32_t tree, LevelRange levels,
+                                const PositionKind& positions, StoreFileWriter& writer, std::uint32_t& next_page);
+  Status write_masks(StoreFileWriter& writer, std::uint32_t& next_page);
   [[nodiscard]] Result<Instance> instance(std::uint32_t number) const;
 
   const BuildConfig& config_;
@@ -122,8 +133,10 @@ class StoreBuilder final : public TriangleSink, public InstanceSink {
   std::vector<Tree> objects_;
   InstanceSpool instances_;
   BudgetReservation instances_claim_;
-  std::uint64_t in_trees_ = 0;  // triangles and instances of trees that are written
-  std::uint64_t in_all_ = 0;    // of all
+  MaskSpool masks_;
+  std::vector<MaskRef> mask_refs_;  // [mask], once their pages are written
+  std::uint64_t in_trees_ = 0;      // triangles and instances of trees that are written
+  std::uint64_t in_all_ = 0;        // of all
   ImportReport import_report_;
   Origin origin_;
   VolumeBuild volumes_;

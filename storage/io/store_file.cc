@@ -102,8 +102,8 @@ void StoreFile::try_direct() {
 }
 
 PageRules StoreFile::rules() const {
-  return {header_.width, footer_.levels,         footer_.object_level, header_.page_bytes,
-          page_count(),  footer_.geometry_count, has_volumes(),        has_proxies()};
+  return {header_.width,          footer_.levels, footer_.object_level, header_.page_bytes, page_count(),
+          footer_.geometry_count, has_volumes(),  has_proxies(),        has_masks()};
 }
 
 PositionKind StoreFile::positions() const { return {header_.lattice != 0, header_.lattice_step_exponent}; }

@@ -43,6 +43,12 @@ std::string metadata_json(const ImportReport& report, const LatticeFigures& latt
   if (lattice.active) {
     json["lattice"] = {{"max_displacement", lattice.max_displacement}, {"rms_displacement", lattice.rms_displacement}};
   }
+  if (report.masks.pages + report.masks.section_bytes > 0) {
+    json["masks"] = {{"masks", report.masks.masks},
+                     {"pages", report.masks.pages},
+                     {"encoded_bytes", report.masks.encoded_bytes},
+                     {"section_bytes", report.masks.section_bytes}};
+  }
   json["import"] = nlohmann::ordered_json::parse(to_json(report));
   // Names come from the scene file and may not be UTF-8.
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);

@@ -8,6 +8,8 @@
 #include <string>
 
 #include "storage/pages/draco_geometry.h"
+#include "storage/pages/mask_page.h"
+#include "storage/pages/masked_section.h"
 #include "storage/pages/page_streams.h"
 #include "storage/pages/volume_codec.h"
 
@@ -35,12 +37,24 @@ Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("page
 Status check_header(const EncodedHeader& header, const PageRules& rules) {
   // Everything inside a page is numbered with 16 bits.
   constexpr std::uint32_t kMost = 0x10000;
-  const bool known = header.page_type == (rules.proxies ? kPageTypeProxies : kPageTypeTriangles) &&
-                     header.codec <= static_cast<std::uint8_t>(Codec::draco) && header.width == rules.width &&
+  const bool masked = header.page_type == kPageTypeMasked && rules.masks;
+  const bool type = header.page_type == (rules.proxies ? kPageTypeProxies : kPageTypeTriangles) || masked;
+  const bool known = type && header.codec <= static_cast<std::uint8_t>(Codec::draco) && header.width == rules.width &&
                      header.geometry_index_bytes <= 2 && header.reserved == 0;
   const bool in_range = header.external_count <= kMost && header.triangle_count <= kMost &&
                         header.vertex_count <= kMost && header.geometry_count <= kMost;
   return known && in_range ? Status{} : corrupt("is of no known type");
+}
+
+// The counts of its masks stand before a page's payload; with them the image's size is known.
+bool take_mask_section(std::span<const std::byte>& payload, PageHeader& header, MaskSection& masks) {
+  if (payload.size() < sizeof masks) {
+    return false;
+  }
+  std::memcpy(&masks, payload.data(), sizeof masks);
+  payload = payload.subspan(sizeof masks);
+  header.image_bytes = image_bytes_with_masks(header, masks);
+  return header.image_bytes != 0;
 }
 
 Status copy_raw(std::span<const std::byte> payload, std::span<std::byte> image) {
@@ -150,26 +164,39 @@ Result<std::uint32_t> PageDecoder::decode(std::span<const std::byte> encoded, st
                                 return scratch_->decompress(bytes, codec, expected);
                               });
   }
-  const std::span<const std::byte> payload = encoded.subspan(sizeof header);
+  if (header.page_type == kPageTypeMask && rules_.masks) {
+    return decode_mask_page(encoded, frame, rules_.page_bytes,
+                            [this](std::span<const std::byte> bytes, Codec codec, std::size_t expected) {
+                              return scratch_->decompress(bytes, codec, expected);
+                            });
+  }
+  std::span<const std::byte> payload = encoded.subspan(sizeof header);
   RAYMILL_RETURN_IF_ERROR(check_header(header, rules_));
-  const PageHeader image_header = page_header(header);
-  if (header.payload_bytes != payload.size() || image_header.image_bytes > rules_.page_bytes ||
-      image_header.image_bytes > frame.size() || header.streams_bytes > scratch_->streams.size()) {
+  PageHeader image_header = page_header(header);
+  const bool masked = header.page_type == kPageTypeMasked;
+  MaskSection masks;
+  if (header.payload_bytes != payload.size() || (masked && !take_mask_section(payload, image_header, masks)) ||
+      image_header.image_bytes > rules_.page_bytes || image_header.image_bytes > frame.size() ||
+      header.streams_bytes > scratch_->streams.size()) {
     return corrupt("has counts that do not fit its size");
   }
   const std::span<std::byte> image = frame.first(image_header.image_bytes);
   std::memcpy(image.data(), &image_header, sizeof image_header);
-  RAYMILL_RETURN_IF_ERROR(static_cast<Codec>(header.codec) == Codec::raw ? copy_raw(payload, image)
-                                                                         : decode_streams(header, payload, image));
+  RAYMILL_RETURN_IF_ERROR(static_cast<Codec>(header.codec) == Codec::raw
+                              ? copy_raw(payload, image)
+                              : decode_streams(header, masked ? &masks : nullptr, payload, image));
   RAYMILL_RETURN_IF_ERROR(validate_image(image, rules_));
   return image_header.image_bytes;
 }
 
-Status PageDecoder::decode_streams(const EncodedHeader& header, std::span<const std::byte> payload,
-                                   std::span<std::byte> image) {
+Status PageDecoder::decode_streams(const EncodedHeader& header, const MaskSection* masks,
+                                   std::span<const std::byte> payload, std::span<std::byte> image) {
   const auto codec = static_cast<Codec>(header.codec);
   // Gaps between the arrays are part of the image: pages decode to the same bytes whatever stood in the frame.
   std::memset(image.data() + sizeof(PageHeader), 0, image.size() - sizeof(PageHeader));
+  if (masks != nullptr) {
+    std::memcpy(image.data() + instances_end(PageView(image.data()).header()), masks, sizeof *masks);
+  }
   std::span<const std::byte> mesh;
   if (codec == Codec::draco) {
     std::uint32_t mesh_bytes = 0;

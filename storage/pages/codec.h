@@ -24,6 +24,8 @@
 
 namespace raymill::storage {
 
+struct MaskSection;
+
 enum class Codec : std::uint8_t { raw = 0, lz4 = 1, zstd = 2, draco = 3 };
 std::string_view to_string(Codec codec);
 std::optional<Codec> parse_codec(std::string_view text);
@@ -70,7 +72,8 @@ class PageDecoder {
 
  private:
   struct Scratch;
-  Status decode_streams(const EncodedHeader& header, std::span<const std::byte> payload, std::span<std::byte> image);
+  Status decode_streams(const EncodedHeader& header, const MaskSection* masks, std::span<const std::byte> payload,
+                        std::span<std::byte> image);
 
   PageRules rules_;
   PositionKind positions_;

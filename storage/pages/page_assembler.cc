@@ -10,6 +10,7 @@
 
 #include "storage/pages/box_quantizer.h"
 #include "storage/pages/page_image.h"
+#include "storage/pages/page_masks.h"
 
 namespace raymill::storage {
 namespace {
@@ -196,9 +197,14 @@ class Assembly {
     header.geometry_index_bytes = geometries.size() <= 1 ? 0 : geometries.size() <= 256 ? 1 : 2;
     header.instance_count = static_cast<std::uint32_t>(instances_.size());
     lay_out(header);
+    PageMasks masks(place_);
+    if (place_.masks != nullptr && masks.gather(triangles_)) {
+      masks.lay_out(header);
+    }
 
     PageBuffer image(header.image_bytes);
     std::memcpy(image.data(), &header, sizeof header);
+    masks.write(header, image.data());
     const auto copy = [&image](std::uint32_t offset, const auto& values) {
       if (!values.empty()) {
         std::memcpy(image.data() + offset, values.data(), values.size() * sizeof values[0]);
@@ -209,7 +215,7 @@ class Assembly {
     copy(header.vertices_offset, positions);
     copy(header.indices_offset, indices);
     copy(instances_offset(header), instances_);
-    copy(proxies_offset(header), proxies_);
+    copy(instances_end(header), proxies_);
     write_ids(header, geometries, image);
     return image;
   }
@@ -318,6 +324,18 @@ PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ances
   cost.vertex_bytes = sizeof(Vec3f);
   cost.geometry_bytes = sizeof(std::uint32_t);
   return cost;
+}
+
+void add_mask_cost(const TreeMasks& masks, PageCost& cost) {
+  if (masks.entry_of.empty()) {
+    return;
+  }
+  cost.header_bytes += static_cast<std::uint32_t>(sizeof(MaskSection) + 4 * kPageAlignment +
+                                                  TreeMasks::kShared * sizeof(MaskedTriangle));
+  cost.triangle_bytes += sizeof(std::uint16_t);
+  cost.geometry_bytes += sizeof(MaskRef);  // a geometry has one mask at most
+  cost.mask_bytes = sizeof(MaskedTriangle) + (masks.has_alphas ? sizeof(CornerAlphas) : 0);
+  cost.mask_entries = masks.entry_of;
 }
 
 PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors, bool proxies) {

@@ -10,8 +10,10 @@
 
 #include "storage/base/aligned.h"
 #include "storage/base/status.h"
+#include "storage/build/mask_spool.h"
 #include "storage/build/page_plan.h"
 #include "storage/build/wide_tree.h"
+#include "storage/pages/masked_section.h"
 #include "storage/pages/page_image.h"
 #include "storage/pages/proxy_maker.h"
 
@@ -23,6 +25,9 @@ PageCost page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ances
 /// The same for a tree over instances, each of which stands in its place as a triangle would.
 PageCost instance_page_cost(unsigned width, std::uint32_t page_bytes, std::uint32_t ancestors = 0,
                             bool proxies = false);
+
+/// Adds what masks take to the cost of a page. `masks` must outlive it.
+void add_mask_cost(const TreeMasks& masks, PageCost& cost);
 
 /// A node above the tree that is assembled: what its ghosts in the tree's pages are made of.
 struct OuterNode {
@@ -46,6 +51,8 @@ struct TreePlace {
   const std::vector<std::uint32_t>* run_root_pages = nullptr;  ///< [run]: where an outer child's root is node 0
   std::span<const Instance> instances;                         ///< [triangle]: what stands for it; else empty
   const ProxyTable* proxies = nullptr;                         ///< of the tree; null: the store has none
+  const TreeMasks* masks = nullptr;                            ///< of its triangles; none: they are opaque
+  std::span<const MaskRef> mask_refs = {};                     ///< [mask] of the store
 };
 
 class PageAssembler {

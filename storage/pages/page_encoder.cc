@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "storage/pages/draco_geometry.h"
+#include "storage/pages/masked_section.h"
 #include "storage/pages/page_streams.h"
 
 namespace raymill::storage {
@@ -106,7 +107,9 @@ std::vector<std::byte> PageEncoder::encode(std::span<const std::byte> image) {
   const std::size_t mesh_part = codec == Codec::draco ? sizeof mesh_bytes + mesh.size() : 0;
   EncodedHeader header = encoded_header(view.header(), codec);
   header.streams_bytes = static_cast<std::uint32_t>(streams.size());
-  header.payload_bytes = static_cast<std::uint32_t>(mesh_part + compressed.size());
+  const bool masked = view.header().page_type == kPageTypeMasked;
+  const std::size_t mask_part = masked ? sizeof(MaskSection) : 0;
+  header.payload_bytes = static_cast<std::uint32_t>(mask_part + mesh_part + compressed.size());
   std::vector<std::byte> out;
   out.reserve(sizeof header + header.payload_bytes);
   const auto append = [&out](const void* bytes, std::size_t size) {
@@ -114,6 +117,9 @@ std::vector<std::byte> PageEncoder::encode(std::span<const std::byte> image) {
     out.insert(out.end(), first, first + size);
   };
   append(&header, sizeof header);
+  if (masked) {
+    append(&MaskSectionView(image.data()).section(), mask_part);
+  }
   if (codec == Codec::draco) {
     append(&mesh_bytes, sizeof mesh_bytes);
     append(mesh.data(), mesh.size());

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <string>
 
+#include "storage/pages/masked_section.h"
+
 namespace raymill::storage {
 namespace {
 
@@ -102,7 +104,9 @@ class NodeChecker {
 };
 
 Status check_header(const PageHeader& header, std::size_t image_bytes, const PageRules& rules) {
-  if (header.magic != kPageMagic || header.page_type != (rules.proxies ? kPageTypeProxies : kPageTypeTriangles)) {
+  const bool masked = header.page_type == kPageTypeMasked && rules.masks;
+  if (header.magic != kPageMagic ||
+      (header.page_type != (rules.proxies ? kPageTypeProxies : kPageTypeTriangles) && !masked)) {
     return bad("is of no known type");
   }
   if (header.width != rules.width || header.geometry_index_bytes > 2) {
@@ -110,6 +114,9 @@ Status check_header(const PageHeader& header, std::size_t image_bytes, const Pag
   }
   PageHeader expected = header;
   lay_out(expected);
+  if (masked) {
+    expected.image_bytes = image_bytes_with_masks(header, image_bytes);
+  }
   if (header.image_bytes != image_bytes || header.image_bytes > rules.page_bytes ||
       std::uint32_t(header.node_count) + header.ghost_count >= kNoParent || header.node_count == 0 ||
       header.external_count > 0x10000 || header.triangle_count > 0x10000 || header.vertex_count > 0x10000 ||
@@ -214,11 +221,10 @@ void lay_out(PageHeader& header) {
   place(header.primitive_ids_offset, std::uint64_t(header.triangle_count) * sizeof(std::uint32_t));
   place(header.geometries_offset, std::uint64_t(header.geometry_count) * sizeof(std::uint32_t));
   place(header.geometry_indices_offset, std::uint64_t(header.triangle_count) * header.geometry_index_bytes);
-  offset = align(offset) + std::uint64_t(header.instance_count) * sizeof(Instance);
+  header.image_bytes = instances_end(header);
   if (header.page_type == kPageTypeProxies) {
-    offset = align(offset) + std::uint64_t(header.external_count) * sizeof(Proxy);
+    header.image_bytes = align(header.image_bytes + std::uint64_t(header.external_count) * sizeof(Proxy));
   }
-  header.image_bytes = align(offset);
 }
 
 std::uint32_t instances_offset(const PageHeader& header) {
@@ -226,8 +232,8 @@ std::uint32_t instances_offset(const PageHeader& header) {
                std::uint64_t(header.triangle_count) * header.geometry_index_bytes);
 }
 
-std::uint32_t proxies_offset(const PageHeader& header) {
-  return align(instances_offset(header) + std::uint64_t(header.instance_count) * sizeof(Instance));
+std::uint32_t instances_end(const PageHeader& header) {
+  return align(std::uint64_t(instances_offset(header)) + std::uint64_t(header.instance_count) * sizeof(Instance));
 }
 
 Status validate_image(std::span<const std::byte> image, const PageRules& rules) {
@@ -237,6 +243,9 @@ Status validate_image(std::span<const std::byte> image, const PageRules& rules) 
   const PageView view(image.data());
   RAYMILL_RETURN_IF_ERROR(check_header(view.header(), image.size(), rules));
   RAYMILL_RETURN_IF_ERROR(check_arrays(view, rules));
+  if (view.header().page_type == kPageTypeMasked) {
+    RAYMILL_RETURN_IF_ERROR(check_masks(view, rules));
+  }
   return rules.width == 8 ? NodeChecker<8>(view, rules).check_all() : NodeChecker<4>(view, rules).check_all();
 }
 

@@ -3,6 +3,8 @@
 //   PageHeader | nodes, ghosts | external references | vertices | indices | primitive ids | geometry ids | instances |
 //   proxies
 //
+// A page with a triangle that is cut out by a mask has a section more behind that (masked_section.h).
+//
 // A page is one relocatable image without pointers. Local nodes come first, then ghosts: copies of ancestors that stand
 // in other pages, whose children are all external references. The ghosts of a node's parent chain are the escape
 // table: backtracking out of the page reads siblings and their boxes from them and never touches the parent's page.
@@ -25,6 +27,7 @@ namespace raymill::storage {
 
 constexpr std::uint32_t kPageMagic = 0x47504D52;  // "RMPG"
 constexpr std::uint16_t kPageTypeTriangles = 1;   // 0 is reserved: a page of zeros is never valid
+constexpr std::uint16_t kPageTypeMasked = 4;      // the same, and a section of masks
 constexpr std::uint16_t kPageTypeProxies = 8;     // triangles, and a proxy beside each external reference
 constexpr std::uint16_t kNoParent = 0xFFFF;
 constexpr std::size_t kPageAlignment = 32;
@@ -116,12 +119,13 @@ float power_of_two(int exponent);
 /// The plane that `q` stands for; what the kernels compute, bit for bit.
 inline float decode_plane(float base, float scale, std::uint8_t q) { return base + float(q) * scale; }
 
-/// Fills the offsets and image_bytes from the counts, width and geometry_index_bytes.
+/// Fills the offsets and image_bytes from the counts, width and geometry_index_bytes; of a masked page as far as its
+/// section.
 void lay_out(PageHeader& header);
-/// Where the instances stand.
+/// Where the instances stand, and what comes after them: in a page of kPageTypeProxies a proxy for each external
+/// reference, in one of kPageTypeMasked the section.
 std::uint32_t instances_offset(const PageHeader& header);
-/// Where the proxies of a page of kPageTypeProxies stand, one for each external reference.
-std::uint32_t proxies_offset(const PageHeader& header);
+std::uint32_t instances_end(const PageHeader& header);
 
 /// Typed access to an image. Immutable view; the image must outlive it.
 class PageView {
@@ -154,7 +158,7 @@ class PageView {
   }
   [[nodiscard]] const Instance* instances() const { return at<Instance>(instances_offset(header())); }
   [[nodiscard]] bool has_proxies() const { return header().page_type == kPageTypeProxies; }
-  [[nodiscard]] const Proxy* proxies() const { return at<Proxy>(proxies_offset(header())); }
+  [[nodiscard]] const Proxy* proxies() const { return at<Proxy>(instances_end(header())); }
 
  private:
   template <typename T>
@@ -174,6 +178,7 @@ struct PageRules {
   std::uint64_t geometry_count = 0;
   bool volumes = false;  ///< there are pages of volumes too
   bool proxies = false;  ///< all pages of triangles have them
+  bool masks = false;    ///< there are pages of masks and masked pages too
 };
 
 /// Checks every index, count and offset of an image, so that traversal may follow them blindly inside the page. What

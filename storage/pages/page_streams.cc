@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "storage/pages/masked_section.h"
+
 namespace raymill::storage {
 namespace {
 
@@ -288,7 +290,7 @@ void write_proxies(const PageView& view, PlaneWriter& out) {
 void read_proxies(PlaneReader& in, std::byte* image) {
   const PageView view(image);
   const std::vector<std::uint32_t> indices = proxied_references(view);
-  auto* proxies = array_at<Proxy>(image, proxies_offset(view.header()));
+  auto* proxies = array_at<Proxy>(image, instances_end(view.header()));
   std::vector<std::uint8_t> bytes(indices.size());
   for (std::size_t byte = 0; byte < kProxyBytes && !indices.empty(); ++byte) {
     in.get(std::span(bytes));
@@ -339,6 +341,9 @@ void write_structure(const PageView& view, std::vector<std::byte>& out) {
   if (view.has_proxies()) {
     write_proxies(view, writer);
   }
+  if (header.page_type == kPageTypeMasked) {
+    write_masks(view, writer);
+  }
 }
 
 void read_structure(PlaneReader& in, std::byte* image) {
@@ -356,6 +361,9 @@ void read_structure(PlaneReader& in, std::byte* image) {
   read_instances(in, image);
   if (PageView(image).has_proxies()) {
     read_proxies(in, image);
+  }
+  if (header.page_type == kPageTypeMasked) {
+    read_masks(in, image);
   }
 }
 

@@ -41,6 +41,7 @@ Status check(const StoreHeader& header) {
       header.page_bytes > kMaxPageBytes || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
       header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 || header.lattice_step_exponent < -200 ||
       header.lattice_step_exponent > 200 ||
+      (has(header.features, Feature::masks) && has(header.features, Feature::proxies)) ||
       (has(header.features, Feature::origin) &&
        (header.origin().is_zero() || header.origin_exponent < -Origin::kMostExponent ||
         header.origin_exponent > Origin::kMostExponent))) {

@@ -27,11 +27,12 @@ enum class Feature : std::uint64_t {
   geometry_ids = 2,  ///< more than one geometry: hits tell them apart
   lattice = 4,       ///< positions are multiples of the header's step
   instances = 8,     ///< objects are placed any number of times
+  masks = 16,        ///< triangles are cut out by masks, or hit from their front alone
   volumes = 32,      ///< the footer names a table of volumes
   proxies = 128,     ///< pages hold what stands for subtrees that a ray does not enter
   origin = 256,      ///< positions are relative to the header's origin
 };
-constexpr std::uint64_t kKnownFeatures = 15 | 32 | 128 | 256;
+constexpr std::uint64_t kKnownFeatures = 15 | 16 | 32 | 128 | 256;
 constexpr bool has(std::uint64_t features, Feature feature) {
   return (features & static_cast<std::uint64_t>(feature)) != 0;
 }

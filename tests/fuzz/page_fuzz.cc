@@ -13,8 +13,10 @@
 #include <span>
 
 #include "storage/pages/codec.h"
+#include "storage/pages/mask_page.h"
 #include "storage/pages/page_assembler.h"
 #include "traversal/kernel.h"
+#include "traversal/mask_test.h"
 #include "traversal/ray_state.h"
 
 namespace {
@@ -40,12 +42,24 @@ void run_rays(const std::byte* image, const PageRules& rules) {
         context.object_level = rules.object_level;
         const traversal::Footprint footprint{1, 0.5};
         context.footprint = rules.proxies ? &footprint : nullptr;
+        context.masks = rules.masks;
+        context.page_bytes = rules.page_bytes;
         traversal::find_kernel(isa, {query, mode, rules.width})(context, {&ray, 1});
         // The one page is there, so nothing is left to wait for.
         if (!ray.done) {
           std::abort();
         }
       }
+    }
+  }
+}
+
+// Any texel of any page: what it has is read, what it has not is refused.
+void read_texels(const std::byte* image) {
+  for (const std::uint8_t bits : {std::uint8_t{1}, std::uint8_t{8}, std::uint8_t{16}}) {
+    for (std::uint32_t texel = 1; texel != 0; texel <<= 1) {
+      bool counts = false;
+      (void)traversal::read_texel(image, texel - 1, bits, 1, counts);
     }
   }
 }
@@ -59,6 +73,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint8_t choice = data[0];
   PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, (choice & 8) != 0 ? 2u : 0u, kPageBytes, 1, 3};
   rules.proxies = (choice & 16) != 0;
+  rules.masks = (choice & 32) != 0;
   const PositionKind positions{(choice & 2) != 0, -12};
   const auto bytes = std::as_bytes(std::span(data, size)).subspan(1);
   if ((choice & 4) != 0) {
@@ -72,6 +87,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   PageDecoder decoder(rules, positions, Codec::draco);
   const auto decoded = decoder.decode(bytes, frame);
   if (!decoded) {
+    return 0;
+  }
+  if (MaskPageView::is_mask_page(frame.data())) {
+    read_texels(frame.data());
     return 0;
   }
   (void)check_boxes(frame.data());

@@ -42,7 +42,7 @@ namespace {
 
 // What stands in the record of a ray that waits.
 RecordLayout records_for(const KernelRun& run) {
-  const KeptExtras extras{.instance_id = true, .normals = true};
+  const KeptExtras extras{.instance_id = true, .normals = true, .texel = true};
   if (run.query == Query::count || run.query == Query::all) {
     return RecordLayout(Field::count, KeptCorners::none, extras);
   }
@@ -103,11 +103,14 @@ KernelHits run_kernel(const LoadedPages& pages, std::span<const Ray> rays, const
       context.crossings = run.query == Query::all ? &crossings : nullptr;
       context.object_level = pages.rules.object_level;
       context.footprint = run.footprint.length > 0 || run.footprint.angle > 0 ? &run.footprint : nullptr;
+      context.masks = pages.rules.masks;
+      context.page_bytes = pages.rules.page_bytes;
       kernel(context, together);
       result.corrupt = result.corrupt || context.corrupt;
       result.counters.nodes_visited += context.counters.nodes_visited;
       result.counters.triangles_tested += context.counters.triangles_tested;
       result.counters.proxies_taken += context.counters.proxies_taken;
+      result.counters.texels_read += context.counters.texels_read;
       for (RayState& state : together) {
         if (state.done) {
           result.hits[state.number] = state.hit;

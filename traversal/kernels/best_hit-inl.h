@@ -6,6 +6,7 @@
 
 #include "traversal/kernels/instance-inl.h"
 #include "traversal/kernels/lane-inl.h"
+#include "traversal/mask_test.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
@@ -55,14 +56,71 @@ bool wins_tie(Lane<N>& lane, const Corners& corners, const PrimitiveIds& ids) {
   return ids < PrimitiveIds{best.geometry_id, best.primitive_id};
 }
 
+enum class Offered : std::uint8_t {
+  goes_on,
+  enough,  ///< no other hit is wanted
+  waits,   ///< the texel that decides is not there: the ray's `texel` and the lane's `ref` say which
+};
+
+// Whether the triangle counts where the ray meets it. The page of its texel may not be there.
+template <int N>
+[[gnu::noinline]] Offered pass_mask(KernelContext& context, Lane<N>& lane, const Candidate& hit, const Corners& corners,
+                                    std::uint32_t triangle, bool& passes) {
+  const std::byte* image = lane.places[lane.level].image;
+  passes = true;
+  if (!storage::MaskSectionView::has_masks(image)) {
+    return Offered::goes_on;
+  }
+  const MaskAnswer answer =
+      test_mask(image, triangle, {lane.frame.org, lane.frame.dir, corners, hit.u, hit.v}, context.page_bytes);
+  ++context.counters.masks_tested;
+  if (answer.what != MaskAnswer::What::look_up) {
+    passes = answer.what == MaskAnswer::What::counts;
+    return Offered::goes_on;
+  }
+  ++context.counters.texels_read;
+  const std::byte* texels = context.images[answer.page].load(std::memory_order_acquire);
+  if (texels == nullptr) {
+    lane.ray->texel.texel = answer.texel;
+    lane.ray->texel.least = answer.least;
+    lane.ray->texel.bits = answer.bits;
+    lane.ref.page = answer.page;
+    return Offered::waits;
+  }
+  if (context.touched[answer.page].load(std::memory_order_relaxed) == 0) {
+    context.touched[answer.page].store(1, std::memory_order_relaxed);
+  }
+  context.corrupt = !read_texel(texels, answer.texel, answer.bits, answer.least, passes) || context.corrupt;
+  return Offered::goes_on;
+}
+
+/// A ray before a masked triangle has come to the page of its texel. False: that is not there, or has no such texel.
+[[gnu::noinline]] inline bool answer_texel(KernelContext& context, RayState& ray) {
+  const std::byte* image = context.images[ray.page].load(std::memory_order_acquire);
+  bool counts = false;
+  if (image == nullptr) {
+    return false;
+  }
+  context.touched[ray.page].store(1, std::memory_order_relaxed);
+  ++context.counters.pages_entered;
+  if (!read_texel(image, ray.texel.texel, ray.texel.bits, ray.texel.least, counts)) {
+    context.corrupt = true;
+    ray.done = true;
+    return false;
+  }
+  ray.texel.become(counts ? TexelWait::State::counts : TexelWait::State::cut);
+  ray.page = ray.texel.leaf_page;
+  return true;
+}
+
 /// Takes the hit if it lies in the interval and before the best so far: by t, then geometry id, then primitive id.
-/// True: no other hit is wanted.
+/// `texel`: what a mask says of it, where that is known.
 template <Query kQuery, Mode kMode, int N>
-bool offer(KernelContext& context, Lane<N>& lane, const Candidate& hit, const Corners& corners,
-           std::uint32_t triangle) {
+Offered offer(KernelContext& context, Lane<N>& lane, const Candidate& hit, const Corners& corners,
+              std::uint32_t triangle, TexelWait::State texel) {
   float t = 0;
   if (!place_hit<kMode>(lane.frame, corners, hit, lane.tnear, lane.tfar, t)) {
-    return false;
+    return Offered::goes_on;
   }
   RayState& ray = *lane.ray;
   const std::byte* image = lane.places[lane.level].image;
@@ -71,17 +129,30 @@ bool offer(KernelContext& context, Lane<N>& lane, const Candidate& hit, const Co
     base = ray.object.geometry_base;
     t = t < ray.object.entry ? ray.object.entry : t;
     if (!(t <= lane.tfar) || t == std::numeric_limits<float>::infinity()) {
-      return false;
+      return Offered::goes_on;
     }
   }
   if (context.filter != nullptr && context.filter->drops(ray.skipped, ray.mask, ids_of(image, triangle, base))) {
-    return false;
+    return Offered::goes_on;
+  }
+  if constexpr (kQuery == Query::closest) {
+    if (t == lane.tfar && ray.has_hit && !wins_tie<kMode>(lane, corners, ids_of(image, triangle, base))) {
+      return Offered::goes_on;
+    }
+  }
+  if (context.masks && texel != TexelWait::State::counts) {
+    bool passes = false;
+    const Offered offered =
+        texel == TexelWait::State::cut ? Offered::goes_on : pass_mask(context, lane, hit, corners, triangle, passes);
+    if (!passes || offered != Offered::goes_on) {
+      return offered;
+    }
   }
   if constexpr (kQuery == Query::any) {
     ray.hit = {};
     ray.hit.t = 0;
     ray.has_hit = true;
-    return true;
+    return Offered::enough;
   } else if constexpr (kQuery == Query::all) {
     ray.has_hit = true;
     ++ray.hit.count;
@@ -91,11 +162,8 @@ bool offer(KernelContext& context, Lane<N>& lane, const Candidate& hit, const Co
       crossing.hit.instance_id = instance_id(lane);
       context.crossings->add(crossing);
     }
-    return false;
+    return Offered::goes_on;
   } else {
-    if (t == lane.tfar && ray.has_hit && !wins_tie<kMode>(lane, corners, ids_of(image, triangle, base))) {
-      return false;
-    }
     lane.tfar = t;
     lane.hit_image = image;
     lane.hit_triangle = triangle;
@@ -110,7 +178,7 @@ bool offer(KernelContext& context, Lane<N>& lane, const Candidate& hit, const Co
     if constexpr (kMode == Mode::exact) {
       ray.corners = corners;
     }
-    return false;
+    return Offered::goes_on;
   }
 }
 

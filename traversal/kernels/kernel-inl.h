@@ -24,11 +24,12 @@
 
 #include <bit>
 #include <limits>
+#include <utility>
 
 #include "storage/pages/page_image.h"
 #include "traversal/kernel.h"
 #include "traversal/kernels/best_hit-inl.h"
-#include "traversal/kernels/boxes-inl.h"
+#include "traversal/kernels/box_test-inl.h"
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/instance-inl.h"
 #include "traversal/kernels/lane-inl.h"
@@ -90,6 +91,9 @@ class Batch {
   void take_ray(RayLane* lane) {
     while (taken_ < rays_.size()) {
       RayState& ray = rays_[taken_++];
+      if (context_.masks && ray.texel.what() == TexelWait::State::asked && !answer_texel(context_, ray)) {
+        continue;
+      }
       lane->unpack(ray, context_.object_level);
       ray.left_object = false;
       if constexpr (kMode == Mode::exact) {
@@ -163,7 +167,11 @@ class Batch {
       ++counters_.nodes_visited;
       visit(lane);
     } else if (measure(lane, lane->level)) {
-      now_->add(kAdvance, lane);
+      if (context_.masks && lane->ray->texel.active()) {
+        resume_leaf(lane);
+      } else {
+        now_->add(kAdvance, lane);
+      }
     } else {
       fail(lane);
     }
@@ -415,6 +423,10 @@ class Batch {
   void filter_leaf(RayLane* lane) {
     const std::uint32_t count = lane->places[lane->level].node->count[lane->slot];
     counters_.triangles_tested += count;
+    find_candidates(lane, count);
+    now_->add(lane->candidates != 0 ? kDecide : kAdvance, lane);
+  }
+  [[gnu::always_inline]] static void find_candidates(RayLane* lane, std::uint32_t count) {
     const unsigned used = (1U << count) - 1;
     if constexpr (kMode == Mode::fast) {
       lane->candidates = moeller_trumbore(lane->frame, lane->leaf, lane->quotients) & used;
@@ -422,12 +434,14 @@ class Batch {
       lane->candidates =
           woop_filter(lane->frame, lane->leaf, begin_of<kMode>(lane->tnear), end_of<kMode>(lane->tfar)) & used;
     }
-    now_->add(lane->candidates != 0 ? kDecide : kAdvance, lane);
   }
 
-  void decide_leaf(RayLane* lane) {
+  void decide_leaf(RayLane* lane) { decide(lane, lane->candidates, TexelWait::State::none); }
+
+  // Of the triangles of `mask`, of the first of which a mask may say already that it counts or not.
+  void decide(RayLane* lane, unsigned mask, TexelWait::State texel) {
     const std::uint32_t first = lane->places[lane->level].node->child[lane->slot];
-    for (unsigned mask = lane->candidates; mask != 0; mask &= mask - 1) {
+    for (; mask != 0; mask &= mask - 1, texel = TexelWait::State::none) {
       const int i = std::countr_zero(mask);
       const Corners corners = lane->leaf.triangle(i);
       Candidate hit;
@@ -443,12 +457,48 @@ class Batch {
       } else {
         hit = {lane->quotients.t[i], lane->quotients.u[i], lane->quotients.v[i]};
       }
-      if (offer<kQuery, kMode>(context_, *lane, hit, corners, first + static_cast<std::uint32_t>(i))) {
+      const Offered offered =
+          offer<kQuery, kMode>(context_, *lane, hit, corners, first + static_cast<std::uint32_t>(i), texel);
+      if (offered == Offered::enough) {
         finish(lane);
+        return;
+      }
+      if (offered == Offered::waits) [[unlikely]] {
+        wait_for_texel(lane, i);
         return;
       }
     }
     now_->add(kAdvance, lane);
+  }
+
+  // The ray stays before triangle `i` of the leaf; those before it are settled.
+  [[gnu::noinline]] void wait_for_texel(RayLane* lane, int i) {
+    const Place<N>& place = lane->places[lane->level];
+    TexelWait& texel = lane->ray->texel;
+    texel.leaf_page = place.page;
+    texel.slot = lane->slot & 7U;
+    texel.triangle = static_cast<unsigned>(i) & 7U;
+    texel.become(TexelWait::State::asked);
+    lane->ref.node = static_cast<std::uint16_t>(place.node - place.node_at(0));
+    suspend(lane, Resume::backtrack);
+  }
+
+  // Goes on in the leaf where the ray waited for a texel.
+  [[gnu::noinline]] void resume_leaf(RayLane* lane) {
+    const TexelWait texel = std::exchange(lane->ray->texel, {});
+    const Place<N>& place = lane->places[lane->level];
+    lane->slot = texel.slot;
+    if ((place.node->leaf >> texel.slot & 1) == 0) {
+      fail(lane);
+      return;
+    }
+    const std::uint32_t count = place.node->count[texel.slot];
+    lane->leaf.vertices = place.template at<float>(place.vertices);
+    corner_indices(place.template at<std::uint16_t>(place.indices) + place.node->child[texel.slot] * 3, count,
+                   lane->leaf.index);
+    find_candidates(lane, count);
+    const unsigned rest = lane->candidates & (~0U << texel.triangle);
+    decide(lane, rest, (rest >> texel.triangle & 1) != 0 ? texel.what() : TexelWait::State::none);
   }
 
   KernelContext& context_;
@@ -460,38 +510,5 @@ class Batch {
   Lists* next_ = &lists_[0];
   std::array<RayLane, kLanes> lanes_;
 };
-
-template <int N, Query kQuery, Mode kMode>
-void trace_batch(KernelContext& context, std::span<RayState> rays) {
-  Batch<N, kQuery, kMode>(context, rays).run();
-}
-
-template <int N, Query kQuery>
-Kernel select_mode(Mode mode) {
-  switch (mode) {
-    case Mode::fast:
-      return &trace_batch<N, kQuery, Mode::fast>;
-    case Mode::exact:
-      return &trace_batch<N, kQuery, Mode::exact>;
-    default:
-      return &trace_batch<N, kQuery, Mode::watertight>;
-  }
-}
-
-template <int N>
-Kernel select_query(const KernelChoice& choice) {
-  switch (choice.query) {
-    case Query::closest:
-      return select_mode<N, Query::closest>(choice.mode);
-    case Query::any:
-      return select_mode<N, Query::any>(choice.mode);
-    default:  // crossings, whether they are listed or counted
-      return select_mode<N, Query::all>(choice.mode);
-  }
-}
-
-inline Kernel select_kernel(const KernelChoice& choice) {
-  return choice.width == 8 ? select_query<8>(choice) : select_query<4>(choice);
-}
 
 }  // namespace raymill::traversal::RAYMILL_ISA

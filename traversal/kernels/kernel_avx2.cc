@@ -3,7 +3,7 @@
 #include "traversal/simd/avx2.h"
 // The lanes come first: what follows is written on them.
 #include "traversal/kernels/expanded-inl.h"
-#include "traversal/kernels/kernel-inl.h"
+#include "traversal/kernels/kernel_choice-inl.h"
 
 namespace raymill::traversal::avx2 {
 

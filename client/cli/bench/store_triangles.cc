@@ -26,6 +26,12 @@ class Pages {
     pages.ledger_ = std::make_unique<storage::Ledger>(std::numeric_limits<std::uint64_t>::max());
     RAYMILL_ASSIGN_OR_RETURN(pages.file_, storage::StoreFile::open(path, *pages.ledger_));
     const storage::StoreFile& file = *pages.file_;
+    if (file.has_masks()) {
+      return Status(ErrorCode::unsupported,
+                    path +
+                        ": has triangles that masks cut out, which are not read here; build it with --ignore-alpha "
+                        "and without --cull-back-faces to compare");
+    }
     pages.encoded_.resize(file.read_buffer_bytes());
     pages.frame_.resize(file.header().page_bytes);
     pages.decoder_.emplace(file.rules(), file.positions(), file.codec());

@@ -1,4 +1,5 @@
 // raymill-image RAW FORMAT OUTPUT: writes a raw picture (raw_image.h) as exr or png by OpenImageIO.
+// raymill-image alpha FILE: writes a picture's alpha to stdout (alpha.h).
 // A program of its own, because OpenImageIO brings hundreds of shared objects and 120 MB into a process.
 
 #include <OpenImageIO/imageio.h>
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "client/cli/image/alpha.h"
 #include "client/cli/image/raw_image.h"
 
 namespace {
@@ -57,8 +59,12 @@ float displayed(float value, const RawImageHeader& header) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc == 3 && argv[1] == std::string("alpha")) {
+    std::string sentence;
+    return raymill::client::write_alpha(argv[2], sentence) ? 0 : fail(sentence);
+  }
   if (argc != 4) {
-    return fail("usage: raymill-image RAW exr|png OUTPUT");
+    return fail("usage: raymill-image RAW exr|png OUTPUT, or raymill-image alpha FILE");
   }
   const std::string format = argv[2];
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> raw(std::fopen(argv[1], "rb"), &std::fclose);

@@ -90,7 +90,7 @@ TEST(ProxyPages, EachRuleHasItsRefusal) {
     auto* externals = reinterpret_cast<ExternalRef*>(image.data() + header.externals_offset);
     const auto at = std::find_if(externals, externals + header.external_count,
                                  [](const ExternalRef& ref) { return ref.kind == ExternalKind::proxied; });
-    auto* proxies = reinterpret_cast<Proxy*>(image.data() + proxies_offset(header));
+    auto* proxies = reinterpret_cast<Proxy*>(image.data() + instances_end(header));
     change(header, *at, proxies[at - externals]);
     const Status status = validate_image(image, f.pages.rules);
     EXPECT_EQ(status.code(), ErrorCode::corrupt) << word;

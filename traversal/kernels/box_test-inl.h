@@ -1,5 +1,5 @@
-// The box test of a page's nodes, compiled once per ISA. The includer defines RAYMILL_ISA and includes its simd header
-// first.
+// The box test of nodes as they stand in pages, compiled once per ISA. The includer defines RAYMILL_ISA and includes
+// its simd header first.
 #pragma once
 
 #include <array>
@@ -10,7 +10,6 @@
 #include "storage/pages/page_image.h"
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/triangle-inl.h"
-#include "traversal/slab.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
