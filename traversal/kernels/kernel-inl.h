@@ -30,6 +30,7 @@
 #include "traversal/kernel.h"
 #include "traversal/kernels/best_hit-inl.h"
 #include "traversal/kernels/box_test-inl.h"
+#include "traversal/kernels/climb-inl.h"
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/instance-inl.h"
 #include "traversal/kernels/lane-inl.h"
@@ -166,7 +167,7 @@ class Batch {
     if (lane->ref.kind == ExternalKind::node) {
       ++counters_.nodes_visited;
       visit(lane);
-    } else if (measure(lane, lane->level)) {
+    } else if (measure<N, kMode>(lane, lane->level)) {
       if (context_.masks && lane->ray->texel.active()) {
         resume_leaf(lane);
       } else {
@@ -192,7 +193,7 @@ class Batch {
         if (level < lane->floor && !leave_object(lane)) {
           return;
         }
-        if (level < lane->top && !climb(lane, level)) {
+        if (level < lane->top && !climb<N, kMode>(lane, level)) {
           fail(lane);
           return;
         }
@@ -259,27 +260,6 @@ class Batch {
   [[nodiscard]] bool is_there(const Place<N>& place, const ExternalRef& ref) const {
     const bool instance = ref.kind == ExternalKind::instance;
     return image_of(instance ? PageView(place.image).instances()[ref.page].page : ref.page) != nullptr;
-  }
-
-  // A pop comes to a level above the node where the ray was taken up.
-  [[gnu::noinline]] bool climb(RayLane* lane, unsigned level) {
-    Place<N> place = lane->places[lane->top];
-    while (place.node->level > level) {
-      place.node = place.node_at(place.node->parent);
-    }
-    if (place.node->level != level) {
-      return false;
-    }
-    lane->places[level] = place;
-    lane->top = level;
-    return measure(lane, level);
-  }
-
-  // The entry distances at a node whose mask came from elsewhere. False: the mask is not of that node.
-  [[gnu::noinline]] static bool measure(RayLane* lane, unsigned level) {
-    const Node<N>& node = *lane->places[level].node;
-    test_boxes<N, kMode>(node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
-    return (lane->levels >> level & 1) == 0 || (lane->masks[level] & ~node.valid) == 0;
   }
 
   // A reference to another page or to a treelet of this one.
