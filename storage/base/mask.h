@@ -23,6 +23,7 @@ constexpr float kMostTexCoord = 0x1p+24F;
 /// Texels of a tile's edge.
 constexpr std::uint32_t kTileEdge = 64;
 constexpr std::uint32_t kTileTexels = kTileEdge * kTileEdge;
+constexpr std::uint32_t tile_bytes(std::uint32_t bits) { return kTileTexels * bits / 8; }
 
 /// A texture's alpha and what it is held against.
 struct MaskInfo {

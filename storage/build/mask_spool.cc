@@ -9,7 +9,6 @@ namespace {
 
 static_assert(std::is_trivially_copyable_v<FaceMask> && sizeof(FaceMask) == 44);
 
-constexpr std::size_t tile_bytes(std::uint32_t bits) { return std::size_t{kTileTexels} * bits / 8; }
 
 // Texels past the mask's edges are 0 and never looked at.
 void cut_tile(const AlphaMap& map, std::uint32_t column, std::uint32_t row, std::byte* tile) {

@@ -36,7 +36,6 @@ struct MaskPageHeader {
 };
 static_assert(sizeof(MaskPageHeader) == 64 && std::is_trivially_copyable_v<MaskPageHeader>);
 
-constexpr std::uint32_t tile_bytes(std::uint32_t bits) { return kTileTexels * bits / 8; }
 /// At least 1: the smallest page takes a tile of 16 bits.
 constexpr std::uint32_t tiles_per_page(std::uint32_t bits, std::uint32_t page_bytes) {
   return (page_bytes - std::uint32_t(sizeof(MaskPageHeader))) / tile_bytes(bits);
