@@ -9,7 +9,6 @@ namespace {
 
 static_assert(std::is_trivially_copyable_v<FaceMask> && sizeof(FaceMask) == 44);
 
-
 // Texels past the mask's edges are 0 and never looked at.
 void cut_tile(const AlphaMap& map, std::uint32_t column, std::uint32_t row, std::byte* tile) {
   const std::size_t row_bytes = std::size_t{kTileEdge} * map.info.bits / 8;
