@@ -94,7 +94,7 @@ void Dispatcher::dispatch(const Request& request, const pb::ClientMessage& messa
       ask_desk(request, ListTask{});
       return;
     case Body::kStartJob:
-      start_job(request, message.start_job());
+      start_job(request, message.start_job(), frame);
       return;
     case Body::kChunk:
       take_chunk(request, message.chunk(), std::move(*frame));

@@ -68,7 +68,8 @@ class Dispatcher {
   void hello(const std::string& id, const pb::ClientMessage& message);
   void dispatch(const Request& request, const pb::ClientMessage& message, std::optional<Frame> frame);
   // In job_requests.cc:
-  void start_job(const Request& request, const pb::StartJob& start);
+  void start_job(const Request& request, const pb::StartJob& start, const std::optional<Frame>& masks);
+  [[nodiscard]] Status may_start(const Request& request, const pb::StartJob& start) const;
   void take_chunk(const Request& request, const pb::Chunk& chunk, Frame frame);
   void finish_job(const Request& request, const pb::FinishJob& finish);
   void accept_rows(const Request& request, const pb::AcceptRows& accept);

@@ -27,6 +27,8 @@ struct RowsReady {
   std::uint64_t index = 0;
   std::uint64_t first_ray = 0;
   std::uint64_t rows = 0;
+  std::uint64_t rays = 0;  ///< of lists
+  bool goes_on = false;    ///< likewise
   std::uint64_t checksum = 0;
   Frame frame;
 };
@@ -35,7 +37,7 @@ struct RowsReady {
 struct RunEnded {
   Status status;
   JobStats stats;
-  std::uint64_t total_rows = 0;
+  std::uint64_t total_rows = 0;  ///< of lists: rays that are answered
 };
 
 /// The job's store is open: its chunks may come.

@@ -1,5 +1,8 @@
 // The part of the Dispatcher that concerns jobs: what clients ask about them, and what their threads report.
+#include <cstring>
+#include <memory>
 #include <utility>
+#include <vector>
 
 #include "server/dispatcher.h"
 #include "server/limits.h"
@@ -17,29 +20,42 @@ Status no_such_job(const std::string& id) {
 
 }  // namespace
 
-void Dispatcher::start_job(const Request& request, const pb::StartJob& start) {
-  Status refused;
-  auto store = canonical_store_name(start.store());
-  if (!store.ok()) {
-    refused = store.status();
-  } else if (shutting_down_) {
-    refused = {ErrorCode::unavailable, "the server is shutting down"};
-  } else if (!request.connection.job.empty()) {
-    refused = {ErrorCode::busy_retry, "this connection has an unfinished job; open another connection for another job"};
-  } else if (!start.detached() && start.rows_limit() == 0) {
-    refused = {ErrorCode::invalid_argument, "a job whose client accepts no rows would never end; give a rows_limit"};
+Status Dispatcher::may_start(const Request& request, const pb::StartJob& start) const {
+  if (shutting_down_) {
+    return {ErrorCode::unavailable, "the server is shutting down"};
   }
-  if (!refused.ok()) {
+  if (!request.connection.job.empty()) {
+    return {ErrorCode::busy_retry, "this connection has an unfinished job; open another connection for another job"};
+  }
+  if (!start.detached() && start.rows_limit() == 0) {
+    return {ErrorCode::invalid_argument, "a job whose client accepts no rows would never end; give a rows_limit"};
+  }
+  if (start.detached() && gives_lists(from_wire(start.query()))) {
+    return {ErrorCode::unsupported,
+            "submitted jobs answer each ray by one row; trace lists (all, spans) with --server"};
+  }
+  return {};
+}
+
+void Dispatcher::start_job(const Request& request, const pb::StartJob& start, const std::optional<Frame>& masks) {
+  auto store = canonical_store_name(start.store());
+  if (const Status refused = store.ok() ? may_start(request, start) : store.status(); !refused.ok()) {
     reply_error(request.id, request.sequence, refused);
     return;
   }
+  const bool brings = start.skips() || start.masks();
   JobSpec spec{.id = {},
                .store = std::move(*store),
                .trace = to_trace_config(start),
                .detached = start.detached(),
-               .chunk_rays = config_.chunk_rays,
+               .chunk_rays = config_.chunk_rays / (brings ? 2 : 1),
                .rows_limit = std::min(start.rows_limit(), kRowsWindow)};
   spec.trace.fields = answered_fields(spec.trace.query, spec.trace.fields);
+  if (masks) {
+    std::vector<std::uint32_t> copy(start.geometry_masks());
+    std::memcpy(copy.data(), masks->data(), copy.size() * sizeof(std::uint32_t));
+    spec.trace.geometry_masks = std::make_shared<const std::vector<std::uint32_t>>(std::move(copy));
+  }
   auto job = jobs_.add(std::move(spec), request.id);
   if (!job.ok()) {
     reply_error(request.id, request.sequence, job.status());
@@ -50,7 +66,7 @@ void Dispatcher::start_job(const Request& request, const pb::StartJob& start) {
   pb::ServerMessage answer;
   pb::JobAccepted& accepted = *answer.mutable_job_accepted();
   *accepted.mutable_job() = record.info();
-  accepted.set_chunk_rays(config_.chunk_rays);
+  accepted.set_chunk_rays(record.spec.chunk_rays);
   accepted.set_chunk_limit(record.chunk_limit());
   reply(request.id, request.sequence, answer);
 }
@@ -95,9 +111,15 @@ void Dispatcher::take_chunk(const Request& request, const pb::Chunk& chunk, Fram
     return refuse_chunk(ErrorCode::busy_retry,
                         "comes without credit; chunks below " + std::to_string(job->chunk_limit()) + " may be sent");
   }
-  if (chunk.rays() > config_.chunk_rays) {
+  if (chunk.rays() > job->spec.chunk_rays) {
     return refuse_chunk(ErrorCode::invalid_argument, "has " + std::to_string(chunk.rays()) + " rays, more than the " +
-                                                         std::to_string(config_.chunk_rays) + " of this server");
+                                                         std::to_string(job->spec.chunk_rays) + " of this job");
+  }
+  if (const std::size_t each = ray_bytes(job->spec.trace.skips, job->spec.trace.masks);
+      frame.size() != each * chunk.rays()) {
+    return refuse_chunk(ErrorCode::bad_rays, "has " + std::to_string(frame.size()) + " bytes for " +
+                                                 std::to_string(chunk.rays()) + " rays, which take " +
+                                                 std::to_string(each) + " each with what the job was asked for");
   }
   if (chunk.checksum() != storage::checksum(bytes_of(frame))) {
     return refuse_chunk(ErrorCode::checksum_mismatch, "was damaged on its way; send it again");
@@ -245,6 +267,8 @@ void Dispatcher::handle_job(JobEvent&& event) {
     wire.set_index(rows->index);
     wire.set_first_ray(rows->first_ray);
     wire.set_rows(rows->rows);
+    wire.set_rays(rows->rays);
+    wire.set_goes_on(rows->goes_on);
     wire.set_checksum(rows->checksum);
     reply(job->owner, 0, message, std::move(rows->frame));
   } else if (auto* end = std::get_if<RunEnded>(&event.what)) {

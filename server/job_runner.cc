@@ -1,6 +1,7 @@
 #include "server/job_runner.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstring>
 #include <optional>
 #include <span>
@@ -9,22 +10,50 @@
 #include <vector>
 
 #include "server/limits.h"
+#include "server/list_frames.h"
 #include "storage/base/checksum.h"
 
 namespace raymill::server {
 
 namespace {
 
-/// The rays of a frame. ZeroMQ promises no alignment: where there is none, `copy` holds them.
-std::span<const Ray> rays_of(const Frame& frame, std::vector<Ray>& copy) {
-  const std::size_t count = frame.size() / sizeof(Ray);
-  if (reinterpret_cast<std::uintptr_t>(frame.data()) % alignof(Ray) == 0) {
-    return {static_cast<const Ray*>(frame.data()), count};
+/// The next values of a frame. ZeroMQ promises no alignment: where there is none, `copy` holds them.
+template <typename T>
+std::span<const T> take(std::span<const std::byte>& frame, std::size_t count, std::vector<T>& copy) {
+  const std::byte* const data = frame.data();
+  frame = frame.subspan(count * sizeof(T));
+  if (reinterpret_cast<std::uintptr_t>(data) % alignof(T) == 0) {
+    return {reinterpret_cast<const T*>(data), count};
   }
   copy.resize(count);
-  std::memcpy(copy.data(), frame.data(), count * sizeof(Ray));
+  std::memcpy(copy.data(), data, count * sizeof(T));
   return copy;
 }
+
+/// What a frame of rays holds, and where it is copied to if it must be.
+struct RayFrame {
+  std::vector<Ray> rays;
+  std::vector<PrimitiveIds> skipped;
+  std::vector<std::uint32_t> masks;
+
+  Status push_to(Job& job, const TraceConfig& config, const Frame& frame) {
+    std::span<const std::byte> bytes = bytes_of(frame);
+    const std::size_t count = bytes.size() / ray_bytes(config.skips, config.masks);
+    const auto pushed = take(bytes, count, rays);
+    if (!config.skips && !config.masks) {
+      return job.push(pushed);
+    }
+    RayExtras extras;
+    if (config.skips) {
+      extras.skipped = take(bytes, count, skipped);
+    }
+    if (config.masks) {
+      extras.masks = take(bytes, count, masks);
+    }
+    return job.push_with(pushed, extras);
+  }
+};
+static_assert(sizeof(PrimitiveIds) == 8 && offsetof(PrimitiveIds, geometry_id) == 0);
 
 Status cancelled_status() { return {ErrorCode::cancelled, "the job was cancelled"}; }
 
@@ -128,7 +157,7 @@ Status JobRunner::trace(JobStats& stats) {
 }
 
 void JobRunner::push_chunks(Job& job) {
-  std::vector<Ray> copy;
+  RayFrame copy;
   while (true) {
     std::optional<Frame> chunk;
     {
@@ -142,7 +171,7 @@ void JobRunner::push_chunks(Job& job) {
         chunks_.pop_front();
       }
     }
-    const Status status = chunk ? job.push(rays_of(*chunk, copy)) : job.finish();
+    const Status status = chunk ? copy.push_to(job, spec_.trace, *chunk) : job.finish();
     if (!status.ok()) {
       fail_push(job, status);
       return;
@@ -182,6 +211,11 @@ Status JobRunner::take_results(Job& job) {
     if (!chunk) {
       break;
     }
+    if (gives_lists(spec_.trace.query)) {
+      RAYMILL_RETURN_IF_ERROR(send_lists(*chunk));
+      rows_given_ += chunk->offsets().size() - 1 - (chunk->goes_on() ? 1 : 0);
+      continue;
+    }
     RAYMILL_RETURN_IF_ERROR(spool ? spool->append(chunk->rows()) : send_rows(*chunk));
     rows_given_ += chunk->size();
   }
@@ -195,16 +229,16 @@ Status JobRunner::take_results(Job& job) {
   return spool ? spool->commit() : Status();
 }
 
+Status JobRunner::wait_for_reader() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return cancelled_ || messages_sent_ < rows_limit_; });
+  return cancelled_ ? cancelled_status() : Status();
+}
+
 Status JobRunner::send_rows(const HitChunk& chunk) {
   const std::size_t row_bytes = chunk.layout().row_bytes();
   for (std::size_t row = 0; row < chunk.size();) {
-    {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return cancelled_ || messages_sent_ < rows_limit_; });
-      if (cancelled_) {
-        return cancelled_status();
-      }
-    }
+    RAYMILL_RETURN_IF_ERROR(wait_for_reader());
     // Copied, so that the engine has its memory back at once: how long a client takes is not its business.
     const std::size_t count = std::min<std::size_t>(chunk.size() - row, spec_.chunk_rays);
     const auto bytes = chunk.rows().subspan(row * row_bytes, count * row_bytes);
@@ -215,6 +249,24 @@ Status JobRunner::send_rows(const HitChunk& chunk) {
                    .frame = Frame(bytes.data(), bytes.size())};
     post(std::move(rows));
     row += count;
+  }
+  return {};
+}
+
+Status JobRunner::send_lists(const HitChunk& chunk) {
+  ListCutter cutter(chunk, spec_.chunk_rays * kMostRowBytes);
+  while (cutter.next()) {
+    RAYMILL_RETURN_IF_ERROR(wait_for_reader());
+    Frame frame(cutter.bytes());
+    cutter.write(bytes_of(frame));
+    RowsReady rows{.index = messages_sent_++,
+                   .first_ray = chunk.first_ray() + cutter.first(),
+                   .rows = cutter.rows(),
+                   .rays = cutter.rays(),
+                   .goes_on = cutter.goes_on(),
+                   .checksum = storage::checksum(bytes_of(std::as_const(frame))),
+                   .frame = std::move(frame)};
+    post(std::move(rows));
   }
   return {};
 }

@@ -29,7 +29,7 @@ struct JobSpec {
   std::string store;  ///< canonical name
   TraceConfig trace;
   bool detached = false;
-  std::uint32_t chunk_rays = 0;  ///< most rows of a message too
+  std::uint32_t chunk_rays = 0;  ///< most rows of a message too; of lists: no more bytes than so many rows may have
   std::uint64_t rows_limit = 0;  ///< as in StartJob
 };
 
@@ -54,7 +54,9 @@ class JobRunner {
   void push_chunks(Job& job);
   void fail_push(Job& job, const Status& status);
   Status take_results(Job& job);
+  Status wait_for_reader();
   Status send_rows(const HitChunk& chunk);
+  Status send_lists(const HitChunk& chunk);
   void post(decltype(JobEvent::what) what) { events_.post(JobEvent{spec_.id, std::move(what)}); }
 
   const JobSpec spec_;
@@ -73,7 +75,7 @@ class JobRunner {
   Status push_status_;           ///< what ended the push thread early
 
   // Of the result thread:
-  std::uint64_t rows_given_ = 0;
+  std::uint64_t rows_given_ = 0;  ///< of lists: rays
   std::uint64_t messages_sent_ = 0;
   std::thread result_thread_;
 };

@@ -53,6 +53,9 @@ Result<JobRecord*> JobTable::add(JobSpec spec, std::string owner) {
   if (queue_.size() >= kMostQueuedJobs) {
     return {ErrorCode::busy_retry, std::to_string(kMostQueuedJobs) + " jobs are waiting already; try again later"};
   }
+  if (mask_bytes(spec) > 0 && mask_bytes() + mask_bytes(spec) > kMostMaskBytes) {
+    return {ErrorCode::busy_retry, "the server holds as many masks of geometries for jobs as it can; try again later"};
+  }
   if (spec.detached && !room_to_keep()) {
     return {ErrorCode::busy_retry, "the server keeps " + std::to_string(kMostKeptJobs) +
                                        " submitted jobs already; fetch and cancel some that are done"};
@@ -63,6 +66,18 @@ Result<JobRecord*> JobTable::add(JobSpec spec, std::string owner) {
   job.spec = std::move(spec);
   job.owner = std::move(owner);
   return &job;
+}
+
+std::uint64_t JobTable::mask_bytes(const JobSpec& spec) {
+  return spec.trace.geometry_masks ? spec.trace.geometry_masks->size() * sizeof(std::uint32_t) : 0;
+}
+
+std::uint64_t JobTable::mask_bytes() const {
+  std::uint64_t bytes = 0;
+  for (const auto& [id, job] : jobs_) {
+    bytes += mask_bytes(job.spec);
+  }
+  return bytes;
 }
 
 bool JobTable::room_to_keep() {
@@ -121,6 +136,7 @@ void JobTable::cancel(JobRecord& job, const Status& why) {
     return;
   }
   std::erase(queue_, job.spec.id);
+  job.spec.trace.geometry_masks.reset();
   job.state = pb::JOB_STATE_CANCELLED;
 }
 
@@ -128,13 +144,14 @@ void JobTable::ended(JobRecord& job, RunEnded&& end) {
   assert(job.runner && running_ > 0);
   --running_;
   job.runner.reset();
+  job.spec.trace.geometry_masks.reset();
   job.total_rows = end.total_rows;
   if (!job.end.ok()) {
     // Whoever cancelled it said why, and is told so even where the last row was just written.
     job.state = pb::JOB_STATE_CANCELLED;
   } else if (end.status.ok() && end.total_rows != job.rays) {
     job.end = {ErrorCode::internal,
-               std::to_string(job.rays) + " rays were answered by " + std::to_string(end.total_rows) + " rows"};
+               std::to_string(job.rays) + " rays were answered by " + std::to_string(end.total_rows) + " answers"};
     job.state = pb::JOB_STATE_FAILED;
   } else {
     job.end = std::move(end.status);

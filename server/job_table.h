@@ -68,6 +68,9 @@ class JobTable {
  private:
   [[nodiscard]] std::string new_id() const;
   bool room_to_keep();
+  /// Of masks of geometries: a job's, and those of all jobs that have not ended.
+  static std::uint64_t mask_bytes(const JobSpec& spec);
+  [[nodiscard]] std::uint64_t mask_bytes() const;
 
   const std::size_t max_jobs_;
   StoreTable& stores_;

@@ -22,6 +22,15 @@ constexpr std::uint32_t kMostChunkRays = 64u << 10;
 /// Longest hit row: t 4, uv 8, three ids 12, normal 12.
 constexpr std::uint64_t kMostRowBytes = 36;
 
+/// What a ray brings besides: a primitive 8, a mask 4. Chunks of such rays have half as many, and no more bytes.
+constexpr std::uint64_t kMostExtraBytes = 12;
+static_assert((sizeof(Ray) + kMostExtraBytes) / 2 < sizeof(Ray));
+/// Masks of geometries that a job brings, 128 KiB: no part is longer than the shortest chunk.
+constexpr std::uint32_t kMostGeometryMasks = 32u << 10;
+/// Masks of all jobs that have not ended.
+constexpr std::uint64_t kMostMaskBytes = kibibytes(256);
+static_assert(kMostGeometryMasks * sizeof(std::uint32_t) <= kLeastChunkRays * sizeof(Ray));
+
 /// Chunks of a job that may be on their way to the tracer, counted from the first that it has not taken yet.
 constexpr std::uint64_t kChunkWindow = 4;
 /// Row messages of a job that the client has not accepted yet.
@@ -76,10 +85,11 @@ struct TransportPlan {
 ///                + kJobOverheadBytes)
 ///   connections x (kFetchBytes + kConnectionOverheadBytes)     one fetch at a time each
 ///   + kMostMetadataBytes / 16                                  metadata is rare and short; a long one is copied once
-/// E.g. 1 job, 32 connections, 64 Ki: 17.0 + 0.5 + 5.0 + 1.0 = 23.5 MiB; with 4 Ki chunks: 7.6 MiB.
+///   + kMostMaskBytes
+/// E.g. 1 job, 32 connections, 64 Ki: 17.0 + 0.5 + 5.0 + 1.0 + 0.25 = 23.75 MiB; with 4 Ki chunks: 7.8 MiB.
 constexpr std::uint64_t transport_bytes(std::uint64_t jobs, std::uint64_t connections, std::uint64_t chunk_rays) {
   return jobs * (chunk_rays * (kChunkWindow * sizeof(Ray) + kRowsWindow * kMostRowBytes) + kJobOverheadBytes) +
-         connections * (kFetchBytes + kConnectionOverheadBytes) + kMostMetadataBytes / 16;
+         connections * (kFetchBytes + kConnectionOverheadBytes) + kMostMetadataBytes / 16 + kMostMaskBytes;
 }
 static_assert(transport_bytes(1, 32, kMostChunkRays) < mebibytes(24));
 static_assert(transport_bytes(1, 32, kLeastChunkRays) < mebibytes(8));

@@ -51,14 +51,17 @@ Status check_name(const std::string& name) {
   return {};
 }
 
-bool known(pb::Query query) { return query >= pb::QUERY_CLOSEST && query <= pb::QUERY_COUNT; }
+bool known(pb::Query query) { return query >= pb::QUERY_CLOSEST && query <= pb::QUERY_SPANS; }
 bool known(pb::Mode mode) { return mode >= pb::MODE_WATERTIGHT && mode <= pb::MODE_EXACT; }
 bool known(pb::JobState state) { return state >= pb::JOB_STATE_QUEUED && state <= pb::JOB_STATE_CANCELLED; }
 bool known_fields(std::uint32_t fields) {
-  return fields == std::uint32_t(Field::count) || (fields != 0 && (fields & ~std::uint32_t(Field::all)) == 0);
+  return fields == std::uint32_t(Field::count) || fields == std::uint32_t(Field::transmittance) ||
+         fields == std::uint32_t(kSpanFields) || (fields != 0 && (fields & ~std::uint32_t(Field::all)) == 0);
 }
 
-Status check(const pb::StartJob& start) {
+bool known(pb::VolumeMethod method) { return method >= pb::VOLUME_METHOD_EXACT && method <= pb::VOLUME_METHOD_RATIO; }
+
+Status check(const pb::StartJob& start, std::optional<std::size_t> frame_bytes) {
   RAYMILL_RETURN_IF_ERROR(check_name(start.store()));
   if (!known(start.query())) {
     return invalid("query " + std::to_string(start.query()) + " is not known to this server");
@@ -69,14 +72,28 @@ Status check(const pb::StartJob& start) {
   if (!known_fields(start.fields())) {
     return invalid("fields " + std::to_string(start.fields()) + " are none, or not all known to this server");
   }
+  if (is_of_fog(from_wire(start.query())) && !known(start.volume().method())) {
+    return invalid("volume method " + std::to_string(start.volume().method()) + " is not known to this server");
+  }
+  if (start.geometry_masks() > kMostGeometryMasks) {
+    return {ErrorCode::unsupported, "a server takes masks of " + std::to_string(kMostGeometryMasks) +
+                                        " geometries at most, not of " + std::to_string(start.geometry_masks())};
+  }
+  if (frame_bytes.value_or(0) != start.geometry_masks() * sizeof(std::uint32_t)) {
+    return corrupt("a frame of " + std::to_string(frame_bytes.value_or(0)) + " bytes does not hold the masks of " +
+                   std::to_string(start.geometry_masks()) + " geometries");
+  }
   return {};
 }
 
 Status check(const pb::Chunk& chunk, std::size_t frame_bytes) {
   RAYMILL_RETURN_IF_ERROR(check_job_id(chunk.job()));
-  if (frame_bytes == 0 || frame_bytes % sizeof(Ray) != 0 || frame_bytes / sizeof(Ray) != chunk.rays()) {
+  // What its job makes of it is for those who know the job.
+  const std::uint64_t each = chunk.rays() > 0 ? frame_bytes / chunk.rays() : 0;
+  if (each < sizeof(Ray) || each > sizeof(Ray) + kMostExtraBytes || each * chunk.rays() != frame_bytes) {
     return {ErrorCode::bad_rays, "a chunk of " + std::to_string(chunk.rays()) + " rays has a frame of " +
-                                     std::to_string(frame_bytes) + " bytes: 32 for each ray, at least one ray"};
+                                     std::to_string(frame_bytes) +
+                                     " bytes: 32 for each ray and what it brings, at least one ray"};
   }
   return {};
 }
@@ -85,6 +102,15 @@ Status check(const pb::JobInfo& job) {
   RAYMILL_RETURN_IF_ERROR(check_job_id(job.id()));
   if (!known(job.state()) || !known(job.query()) || !known(job.mode()) || !known_fields(job.fields())) {
     return invalid("a job with a state, query, mode or field that is not known to this client");
+  }
+  return {};
+}
+
+Status check_lists(const pb::Rows& rows, std::size_t frame_bytes) {
+  const std::uint64_t words = frame_bytes / sizeof(std::uint32_t);
+  if (rows.rays() >= words || rows.rows() > words - rows.rays() - 1) {
+    return corrupt("a frame of " + std::to_string(frame_bytes) + " bytes does not hold the lists of " +
+                   std::to_string(rows.rays()) + " rays, " + std::to_string(rows.rows()) + " rows");
   }
   return {};
 }
@@ -107,7 +133,8 @@ Status decode(std::span<const std::byte> bytes, std::optional<std::size_t> frame
   if (kind == Body::BODY_NOT_SET) {
     return corrupt("the message has no body that this server knows");
   }
-  RAYMILL_RETURN_IF_ERROR(check_frame(kind == Body::kChunk, frame_bytes));
+  const bool has_masks = kind == Body::kStartJob && message.start_job().geometry_masks() > 0;
+  RAYMILL_RETURN_IF_ERROR(check_frame(kind == Body::kChunk || has_masks, frame_bytes));
   switch (kind) {
     case Body::kHello:
       return message.hello().software().size() <= kMostSoftwareBytes ? Status()
@@ -117,7 +144,7 @@ Status decode(std::span<const std::byte> bytes, std::optional<std::size_t> frame
     case Body::kDescribeStore:
       return check_name(message.describe_store().name());
     case Body::kStartJob:
-      return check(message.start_job());
+      return check(message.start_job(), frame_bytes);
     case Body::kChunk:
       return check(message.chunk(), *frame_bytes);
     case Body::kFinishJob:
@@ -165,7 +192,8 @@ Status decode(std::span<const std::byte> bytes, std::optional<std::size_t> frame
       return check_job_id(message.credit().job());
     case Body::kRows: {
       RAYMILL_RETURN_IF_ERROR(check_job_id(message.rows().job()));
-      return check_rows(message.rows().rows(), *frame_bytes, false);
+      return message.rows().rays() > 0 ? check_lists(message.rows(), *frame_bytes)
+                                       : check_rows(message.rows().rows(), *frame_bytes, false);
     }
     case Body::kJobEnded:
       return check_job_id(message.job_ended().job());

@@ -49,7 +49,12 @@ std::span<std::byte> bytes_of(Frame& frame);
 bool is_job_id(std::string_view id);
 
 // Values between the library and the wire. The readers of enums expect values that decode() has let through.
+/// Without geometry masks, which stand in the frame.
 TraceConfig to_trace_config(const pb::StartJob& start);
+/// The other way.
+void fill(const TraceConfig& config, pb::StartJob& start);
+/// Bytes of a chunk for each ray.
+std::size_t ray_bytes(bool skips, bool masks);
 pb::Query to_wire(Query query);
 pb::Mode to_wire(Mode mode);
 Query from_wire(pb::Query query);

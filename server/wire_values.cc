@@ -15,8 +15,11 @@ pb::Query to_wire(Query query) {
     case Query::count:
       return pb::QUERY_COUNT;
     case Query::all:
+      return pb::QUERY_ALL;
     case Query::transmittance:
-      break;  // no server answers them: JobLink::start
+      return pb::QUERY_TRANSMITTANCE;
+    case Query::spans:
+      return pb::QUERY_SPANS;
   }
   return pb::QUERY_UNSPECIFIED;
 }
@@ -24,14 +27,81 @@ pb::Mode to_wire(Mode mode) {
   return mode == Mode::fast ? pb::MODE_FAST : mode == Mode::exact ? pb::MODE_EXACT : pb::MODE_WATERTIGHT;
 }
 Query from_wire(pb::Query query) {
-  return query == pb::QUERY_ANY ? Query::any : query == pb::QUERY_COUNT ? Query::count : Query::closest;
+  switch (query) {
+    case pb::QUERY_ANY:
+      return Query::any;
+    case pb::QUERY_COUNT:
+      return Query::count;
+    case pb::QUERY_ALL:
+      return Query::all;
+    case pb::QUERY_TRANSMITTANCE:
+      return Query::transmittance;
+    case pb::QUERY_SPANS:
+      return Query::spans;
+    default:
+      return Query::closest;
+  }
 }
 Mode from_wire(pb::Mode mode) {
   return mode == pb::MODE_FAST ? Mode::fast : mode == pb::MODE_EXACT ? Mode::exact : Mode::watertight;
 }
 
+namespace {
+
+pb::VolumeMethod to_wire(VolumeMethod method) {
+  return method == VolumeMethod::march   ? pb::VOLUME_METHOD_MARCH
+         : method == VolumeMethod::ratio ? pb::VOLUME_METHOD_RATIO
+                                         : pb::VOLUME_METHOD_EXACT;
+}
+VolumeMethod from_wire(pb::VolumeMethod method) {
+  return method == pb::VOLUME_METHOD_MARCH   ? VolumeMethod::march
+         : method == pb::VOLUME_METHOD_RATIO ? VolumeMethod::ratio
+                                             : VolumeMethod::exact;
+}
+
+}  // namespace
+
 TraceConfig to_trace_config(const pb::StartJob& start) {
-  return {.query = from_wire(start.query()), .mode = from_wire(start.mode()), .fields = Field(start.fields())};
+  TraceConfig config{
+      .query = from_wire(start.query()), .mode = from_wire(start.mode()), .fields = Field(start.fields())};
+  if (is_of_fog(config.query)) {
+    const pb::VolumeConfig& volume = start.volume();
+    config.volume = {.method = from_wire(volume.method()),
+                     .step = volume.step(),
+                     .density_scale = volume.density_scale(),
+                     .seed = volume.seed(),
+                     .majorant = volume.majorant(),
+                     .threshold = volume.threshold()};
+  }
+  config.first = start.first();
+  config.skips = start.skips();
+  config.masks = start.masks();
+  config.mask = ~start.without_mask();
+  return config;
+}
+
+void fill(const TraceConfig& config, pb::StartJob& start) {
+  start.set_query(to_wire(config.query));
+  start.set_mode(to_wire(config.mode));
+  start.set_fields(static_cast<std::uint32_t>(config.fields));
+  if (is_of_fog(config.query)) {
+    pb::VolumeConfig& volume = *start.mutable_volume();
+    volume.set_method(to_wire(config.volume.method));
+    volume.set_step(config.volume.step);
+    volume.set_density_scale(config.volume.density_scale);
+    volume.set_seed(config.volume.seed);
+    volume.set_majorant(config.volume.majorant);
+    volume.set_threshold(config.volume.threshold);
+  }
+  start.set_first(config.first);
+  start.set_skips(config.skips);
+  start.set_masks(config.masks);
+  start.set_without_mask(~config.mask);
+  start.set_geometry_masks(config.geometry_masks ? static_cast<std::uint32_t>(config.geometry_masks->size()) : 0);
+}
+
+std::size_t ray_bytes(bool skips, bool masks) {
+  return sizeof(Ray) + (skips ? sizeof(PrimitiveIds) : 0) + (masks ? sizeof(std::uint32_t) : 0);
 }
 
 pb::JobStats to_wire(const JobStats& stats) {
@@ -145,6 +215,9 @@ pb::StoreDescription to_wire(const StoreInfo& info) {
   wire.set_positions(utf8_or_question_marks(info.positions));
   wire.set_instances(info.instances);
   wire.set_objects(info.objects);
+  for (const std::string& layout : info.layouts) {
+    wire.add_layouts(utf8_or_question_marks(layout));
+  }
   return wire;
 }
 
@@ -171,6 +244,7 @@ StoreInfo from_wire(const pb::StoreDescription& wire, std::string_view metadata)
   info.positions = wire.positions();
   info.instances = wire.instances();
   info.objects = wire.objects();
+  info.layouts.assign(wire.layouts().begin(), wire.layouts().end());
   info.metadata_json = metadata;
   return info;
 }

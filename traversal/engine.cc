@@ -82,6 +82,10 @@ StoreInfo describe(const StoreFile& file) {
   info.codec = to_string(file.codec());
   info.width = header.width;
   info.positions = file.positions_text();
+  info.layouts = {"compact"};
+  if (traversal::ExpandedTree::possible(file)) {
+    info.layouts.emplace_back("expanded");
+  }
   return info;
 }
 

@@ -252,7 +252,7 @@ std::uint32_t EngineJob::pack(const Slice& slice) {
         state.skipped = slice.some.skipped(index);
         state.mask = slice.some.mask(index);
         state.node = static_cast<std::uint16_t>(footer.root_node);
-        if (job_->config.query == Query::transmittance) {
+        if (is_of_fog(job_->config.query)) {
           begin_volumes(job_->config.query, job_->config.volume, tracer_->volumes_, state);
         }
         at += layout.pack(state, records_.data() + at);

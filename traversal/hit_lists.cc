@@ -18,6 +18,12 @@ std::uint32_t items_for(const HitLists::Config& config, std::size_t entry_bytes,
   return static_cast<std::uint32_t>((config.sort_bytes - config.block_bytes) / (entry_bytes + item_bytes));
 }
 
+// Those that stand before the ids in a row of kept(asked).
+Field fields_before_ids(Field asked) {
+  const Field may = Field::t | Field::t_leave | Field::uv;
+  return Field::t | Field(std::uint32_t(asked) & std::uint32_t(may));
+}
+
 // Rises with t; zeros of both signs are one.
 std::uint32_t order_of(float t) {
   const auto bits = std::bit_cast<std::uint32_t>(t + 0.0F);
@@ -36,8 +42,7 @@ HitLists::HitLists(const Config& config)
       kept_(kept(config.asked)),
       asked_(config.asked),
       entry_bytes_(RowBlock::entry_bytes(kept_.row_bytes())),
-      ids_at_(sizeof(RowBlock::Position) +
-              HitLayout(has(config.asked, Field::uv) ? Field::t | Field::uv : Field::t).row_bytes()),
+      ids_at_(sizeof(RowBlock::Position) + HitLayout(fields_before_ids(config.asked)).row_bytes()),
       most_items_(items_for(config, entry_bytes_, sizeof(Item))),
       area_(config.sort_bytes),
       pieces_(std::uint64_t(config.pieces) * config.piece_bytes),

@@ -18,8 +18,9 @@ constexpr NamedField kFieldNames[] = {
     {Field::normal, "normal"},
     {Field::count, "count"},
     {Field::transmittance, "transmittance"},
+    {Field::t_leave, "t_leave"},
 };
-constexpr Query kQueries[] = {Query::closest, Query::any, Query::count, Query::all, Query::transmittance};
+constexpr Query kQueries[] = {Query::closest, Query::any, Query::count, Query::all, Query::transmittance, Query::spans};
 
 template <typename T>
 void put(std::byte*& at, const T& value) {
@@ -38,6 +39,9 @@ template <typename HitType, typename Step>
 void for_each_member(Field fields, HitType& hit, Step&& step) {
   if (has(fields, Field::t)) {
     step(hit.t);
+  }
+  if (has(fields, Field::t_leave)) {
+    step(hit.u);
   }
   if (has(fields, Field::uv)) {
     step(hit.u);
@@ -95,6 +99,9 @@ std::string HitLayout::numpy_descr() const {
   if (has(fields_, Field::t)) {
     column("t", "<f4");
   }
+  if (has(fields_, Field::t_leave)) {
+    column("t_leave", "<f4");
+  }
   if (has(fields_, Field::uv)) {
     column("u", "<f4");
     column("v", "<f4");
@@ -127,6 +134,8 @@ std::string_view to_string(Query query) {
       return "all";
     case Query::transmittance:
       return "transmittance";
+    case Query::spans:
+      return "spans";
     default:
       return "closest";
   }
@@ -173,7 +182,7 @@ Result<Query> parse_query(std::string_view text) {
     }
   }
   return {ErrorCode::invalid_argument,
-          "query '" + std::string(text) + "' is none of closest, any, count, all, transmittance"};
+          "query '" + std::string(text) + "' is none of closest, any, count, all, transmittance, spans"};
 }
 
 Result<Mode> parse_mode(std::string_view text) {

@@ -19,19 +19,26 @@ namespace raymill {
 /// closest: the nearest hit. any: whether there is a hit at all.
 /// count: how many crossings a ray has. all: every crossing, in order. traversal/crossings.md says what a crossing is.
 /// transmittance: the share of light that fog volumes let pass between tnear and tfar; surfaces do not count.
-enum class Query : std::uint8_t { closest, any, count, all, transmittance };
+/// spans: every part of [tnear, tfar] where a fog volume is denser than a threshold, in order.
+enum class Query : std::uint8_t { closest, any, count, all, transmittance, spans };
+
+/// Whether a ray's answer is a list, of hits or of spans.
+constexpr bool gives_lists(Query query) { return query == Query::all || query == Query::spans; }
+/// Whether a query looks at fog volumes, and at nothing else.
+constexpr bool is_of_fog(Query query) { return query == Query::transmittance || query == Query::spans; }
 
 /// exact: the integral of the trilinear field, cell by cell. march: samples at the middle of equal steps. ratio: a
 /// random estimate that is right on the average (residual ratio tracking).
 enum class VolumeMethod : std::uint8_t { exact, march, ratio };
 
-/// How transmittance is answered. traversal/volume/README.md says what each costs and is worth.
+/// How transmittance and spans are answered. traversal/volume/README.md says what each costs and is worth.
 struct VolumeConfig {
   VolumeMethod method = VolumeMethod::exact;
   double step = 0;           ///< march: the longest, in scene units
   double density_scale = 1;  ///< extinction in 1 / scene unit, of a voxel that holds 1
   std::uint64_t seed = 1;    ///< ratio: what the answer depends on besides the ray itself
   double majorant = 1;       ///< ratio: how many times the least majorant; more samples, less noise
+  double threshold = 0;      ///< spans: the voxel value that a span lies above
 };
 
 /// watertight: no ray passes between triangles that share an edge or a vertex (the decision is made in float64).
@@ -41,7 +48,8 @@ struct VolumeConfig {
 enum class Mode : std::uint8_t { watertight, fast, exact };
 
 /// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was. For
-/// Query::count only `count` is, for Query::transmittance only `transmittance`, and by no other query.
+/// Query::count only `count` is, for Query::transmittance only `transmittance`, and by no other query; for Query::spans
+/// `t`, `t_leave` and `geometry_id`.
 enum class Field : std::uint32_t {
   none = 0,
   t = 1,                ///< float32, in lengths of dir
@@ -52,6 +60,7 @@ enum class Field : std::uint32_t {
   normal = 32,          ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
   count = 64,           ///< uint32; kNoCount: the ray is invalid
   transmittance = 128,  ///< float32, alone; NaN: the ray is invalid
+  t_leave = 256,        ///< float32: where a span ends that begins at t
   ids = primitive_id | geometry_id,
   all = 63,  ///< of a hit
 };
@@ -59,6 +68,7 @@ constexpr Field operator|(Field a, Field b) { return Field(std::uint32_t(a) | st
 constexpr bool has(Field set, Field field) { return (std::uint32_t(set) & std::uint32_t(field)) != 0; }
 
 constexpr Field kDefaultClosestFields = Field::t | Field::uv | Field::ids;
+constexpr Field kSpanFields = Field::t | Field::t_leave | Field::geometry_id;
 
 constexpr std::uint32_t kNoId = 0xFFFFFFFFu;
 constexpr std::uint32_t kNoCount = 0xFFFFFFFFu;
@@ -90,7 +100,7 @@ struct RayExtras {
 };
 
 /// A hit with every field; those that were not asked for hold their defaults. A miss: t = +inf, ids kNoId. The answer
-/// to Query::transmittance stands in t.
+/// to Query::transmittance stands in t; a span's end in u.
 struct Hit {
   float t = std::numeric_limits<float>::infinity();
   float u = 0;
@@ -102,8 +112,8 @@ struct Hit {
   std::uint32_t count = 0;  ///< of crossings
 };
 
-/// Rows of hits: the asked fields, packed in the order t, u, v, primitive_id, geometry_id, instance_id, normal, count.
-/// It is the row of the structured .npy and of the wire alike (little-endian). Immutable.
+/// Rows of hits: the asked fields, packed in the order t, t_leave, u, v, primitive_id, geometry_id, instance_id,
+/// normal, count. It is the row of the structured .npy and of the wire alike (little-endian). Immutable.
 class HitLayout {
  public:
   HitLayout() = default;
@@ -127,6 +137,7 @@ constexpr Field answered_fields(Query query, Field asked) {
   return query == Query::any             ? Field::t
          : query == Query::count         ? Field::count
          : query == Query::transmittance ? Field::transmittance
+         : query == Query::spans         ? kSpanFields
                                          : asked;
 }
 

@@ -25,9 +25,9 @@ namespace raymill {
 struct TraceConfig {
   Query query = Query::closest;
   Mode mode = Mode::watertight;
-  Field fields = kDefaultClosestFields;  ///< Query::any answers Field::t alone and Query::count Field::count
-  VolumeConfig volume = {};              ///< Query::transmittance
-  std::uint64_t first = 0;               ///< Query::all: of each ray at most so many hits, the nearest; 0: all
+  Field fields = kDefaultClosestFields;  ///< Query::any answers Field::t alone, others as answered_fields() says
+  VolumeConfig volume = {};              ///< Query::transmittance, Query::spans
+  std::uint64_t first = 0;               ///< of lists: of each ray at most so many, the nearest; 0: all
   bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_with)
   bool masks = false;                    ///< each ray brings a mask (Job::push_with)
   std::uint32_t mask = kAllMask;         ///< of every ray, besides
@@ -36,7 +36,8 @@ struct TraceConfig {
   std::shared_ptr<const std::vector<std::uint32_t>> geometry_masks = {};
 };
 
-/// Rows of hits for consecutive rays: a row a ray, but for Query::all, where offsets() says whose they are. Move-only:
+/// Rows of hits for consecutive rays: a row a ray, but for lists (Query::all, Query::spans), where offsets() says whose
+/// they are. Move-only:
 /// it holds memory claimed from the budget until it is destroyed, so a caller that keeps every chunk stops its own job:
 /// copy what is to stay.
 class HitChunk {
@@ -56,7 +57,7 @@ class HitChunk {
   [[nodiscard]] std::uint64_t index() const { return index_; }          ///< 0, 1, 2, ...
   [[nodiscard]] std::uint64_t first_ray() const { return first_ray_; }  ///< its position in the job's rays
   [[nodiscard]] std::size_t size() const { return rows_.size() / layout_.row_bytes(); }  ///< rows
-  /// Query::all: [rays + 1], the rows of ray first_ray() + i are those from offsets()[i] to offsets()[i + 1], by t,
+  /// Lists: [rays + 1], the rows of ray first_ray() + i are those from offsets()[i] to offsets()[i + 1], by t,
   /// then geometry id, then primitive id. A ray whose rows are too many for a chunk is the last of this one and the
   /// first of the next: goes_on(). Empty for every other query.
   [[nodiscard]] std::span<const std::uint32_t> offsets() const { return offsets_; }
@@ -140,9 +141,9 @@ class Job {
   /// Errors: cancelled, and whatever ended the job.
   virtual Status push(std::span<const Ray> rays) = 0;
   /// The same for rays that bring what the job was asked for (TraceConfig::skips, masks). Errors: also invalid_argument
-  /// (it was not, or the lengths differ), unsupported (by a server).
+  /// (it was not, or the lengths differ), unsupported (a job that takes none).
   virtual Status push_with(std::span<const Ray> /*rays*/, const RayExtras& /*extras*/) {
-    return {ErrorCode::unsupported, "rays that bring primitives or masks are traced by an Engine alone"};
+    return {ErrorCode::unsupported, "this job takes no rays that bring primitives or masks"};
   }
   /// Says that no more rays come.
   virtual Status finish() = 0;
@@ -176,8 +177,9 @@ struct StoreInfo {
   std::uint64_t least_memory_bytes = 0;  ///< least --memory of a process that traces it with this service's threads
   std::string codec;
   std::uint32_t width = 0;
-  std::string positions;      ///< "float32" or "lattice:STEP"
-  std::string metadata_json;  ///< {"geometries":[...],"cameras":[...],"import":{...}}
+  std::string positions;             ///< "float32" or "lattice:STEP"
+  std::vector<std::string> layouts;  ///< that its rays may be traced in: "compact", "expanded"
+  std::string metadata_json;         ///< {"geometries":[...],"cameras":[...],"import":{...}}
 };
 
 class Store {

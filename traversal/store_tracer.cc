@@ -45,8 +45,12 @@ Status check(const TraceConfig& config) {
   if (!config.geometry_masks && (config.masks || config.mask != kAllMask)) {
     return {ErrorCode::invalid_argument, "masks of rays need masks of geometries to be held against"};
   }
-  if (config.first != 0 && config.query != Query::all) {
-    return {ErrorCode::invalid_argument, "only the query all gives the first hits of a ray; closest gives the first"};
+  if (has(config.fields, Field::t_leave) && config.query != Query::spans) {
+    return {ErrorCode::invalid_argument, "only the query spans answers the field t_leave"};
+  }
+  if (config.first != 0 && !gives_lists(config.query)) {
+    return {ErrorCode::invalid_argument,
+            "only the queries all and spans give the first ones of a ray; closest gives the first hit"};
   }
   return {};
 }
@@ -59,7 +63,14 @@ Status check(const VolumeConfig& config) {
   if (!positive(config.density_scale) || !(config.majorant >= 1 && std::isfinite(config.majorant))) {
     return {ErrorCode::invalid_argument, "a density scale is above 0, a majorant at least 1 times the least"};
   }
+  if (!std::isfinite(config.threshold)) {
+    return {ErrorCode::invalid_argument, "a threshold is a number that voxels may hold"};
+  }
   return {};
+}
+
+std::string volume_kernel_name(const TraceConfig& config) {
+  return config.query == Query::spans ? "spans" : "transmittance/" + std::string(to_string(config.volume.method));
 }
 
 KeptCorners kept_corners(const TraceConfig& config) {
@@ -141,7 +152,7 @@ StoreTracer::~StoreTracer() {
 
 Status StoreTracer::check_query(const TraceConfig& config) const {
   RAYMILL_RETURN_IF_ERROR(check(config));
-  if (config.query == Query::transmittance) {
+  if (is_of_fog(config.query)) {
     if (!looks_at(config.query, volumes_)) {
       return {ErrorCode::invalid_argument,
               file_->path() + ": holds no fog volume; build it from a .vdb that has one, or ask another query"};
@@ -165,17 +176,17 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
                       std::string(to_string(config_.isa));
   setup.start_page = root_page();
   setup.among_volumes = looks_at(config.query, volumes_);
-  if (config.query == Query::transmittance) {
+  if (is_of_fog(config.query)) {
     RayState first;
     begin_volumes(config.query, config.volume, volumes_, first);
     setup.start_page = storage::PageId{first.page};
-    setup.kernel_name = "transmittance/" + std::string(to_string(config.volume.method));
+    setup.kernel_name = volume_kernel_name(config);
   }
   if (future_demand_ && !setup.among_volumes) {
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
   }
 
-  const RowsAsked rows{setup.config.fields, config.query == Query::all, config.first};
+  const RowsAsked rows{setup.config.fields, gives_lists(config.query), config.first};
   JobPlan plan = plan_job(plan_, rules.page_count, rows);
   setup.most_in_flight = plan.most_in_flight;
   const Field kept = kept_fields(setup.config, rules.object_level != 0);

@@ -144,7 +144,8 @@ class StoreTracer {
   };
   BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image,
                             CrossingBuffer* crossings);
-  BatchCounters trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page) const;
+  BatchCounters trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page,
+                              CrossingBuffer* crossings) const;
   void wait_for_work(WorkLock& lock);
   void handle_arrival(Worker& worker, WorkLock& lock);
   void run_batch(Worker& worker, storage::PageId page, WorkLock& lock);

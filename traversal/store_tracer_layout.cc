@@ -148,7 +148,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
                                                     const std::byte* image, CrossingBuffer* crossings) {
   std::span<RayState> rays = worker.rays;
   if (job.among_volumes && (image == nullptr || storage::VolumePageView::is_volume_page(image))) {
-    return trace_volumes(worker, job, page);
+    return trace_volumes(worker, job, page, crossings);
   }
   KernelContext context;
   context.images = worker.lone_page ? worker.lone_page->show(index_of(page), image) : cache_->images();
@@ -176,7 +176,7 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
         begin_volumes(job.config.query, job.config.volume, volumes_, ray);
       }
     }
-    const BatchCounters after = config_.adversarial ? BatchCounters() : trace_volumes(worker, job, page);
+    const BatchCounters after = config_.adversarial ? BatchCounters() : trace_volumes(worker, job, page, crossings);
     counters.kernel.nodes_visited += after.kernel.nodes_visited;
     counters.kernel.pages_entered += after.kernel.pages_entered;
     counters.corrupt = counters.corrupt || after.corrupt;
@@ -185,13 +185,15 @@ StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJ
 }
 
 // Runs those of the rays that are among volumes.
-StoreTracer::BatchCounters StoreTracer::trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page) const {
+StoreTracer::BatchCounters StoreTracer::trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page,
+                                                      CrossingBuffer* crossings) const {
   VolumeContext context;
   context.volumes = volumes_;
   context.query = job.config.query;
   context.config = job.config.volume;
   context.need_normal = has(job.config.fields, Field::normal);
   context.filter = job.hit_filter();
+  context.crossings = crossings;
   context.images = cache_->images();
   context.touched = worker.page_lane ? worker.page_lane->marks() : cache_->touched();
   context.lone_items = config_.adversarial;

@@ -1,4 +1,4 @@
-// ListFiles: where trace's lists of hits go, as a compressed sparse row matrix: the hits of ray i are the rows
+// ListFiles: where trace's lists of hits or spans go, as a compressed sparse row matrix: those of ray i are the rows
 // offsets[i] to offsets[i + 1] of the hits file.
 //
 //   HITS.npy          structured rows, as of the other queries

@@ -3,6 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "client/cli/options.h"
 #include "client/cli/verbs.h"
@@ -29,13 +32,40 @@ std::shared_ptr<LookOptions> add_common(CLI::App& verb) {
   return options;
 }
 
+// A job without rays says which kernel a query gets.
+Result<std::string> kernel_of(Store& store, Query query) {
+  RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, store.trace({.query = query}));
+  RAYMILL_RETURN_IF_ERROR(job->finish());
+  while (job->next()) {
+  }
+  RAYMILL_RETURN_IF_ERROR(job->status());
+  return job->stats().kernel;
+}
+
+Result<std::vector<std::string>> kernels_of(Store& store) {
+  std::vector<std::string> kernels;
+  for (const Query query : {Query::closest, Query::any, Query::count, Query::all, Query::transmittance, Query::spans}) {
+    Result<std::string> kernel = kernel_of(store, query);
+    if (kernel) {
+      kernels.push_back(std::move(*kernel));
+    } else if (!is_of_fog(query) || kernel.status().code() != ErrorCode::invalid_argument) {
+      return kernel.status();  // else there is no fog
+    }
+  }
+  return kernels;
+}
+
 Status info(const LookOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store));
   RAYMILL_ASSIGN_OR_RETURN(StoreInfo store, open.store->info());
+  InfoExtras extras;
+  // On a server jobs wait for their turn, and its own machine's kernels run.
   if (options.service.server.empty()) {
     store.least_memory_bytes += kVerbBytes;
+    RAYMILL_ASSIGN_OR_RETURN(extras.kernels, kernels_of(*open.store));
+    RAYMILL_ASSIGN_OR_RETURN(extras.costs, store_costs(options.store));
   }
-  return options.json ? print_json(info_json(store)) : print(info_text(store));
+  return options.json ? print_json(info_json(store, extras)) : print(info_text(store, extras));
 }
 
 Status verify_store(const LookOptions& options) {
@@ -67,8 +97,12 @@ Status inspect(const LookOptions& options) {
 Verb add_info(CLI::App& app) {
   CLI::App* verb = app.add_subcommand("info", "Say what a store holds");
   verb->footer(
-      "\nShows bounds, triangles, pages, sizes in bytes, the least --memory it can be traced under, and cameras;\n"
-      "with --json also the import report and each geometry's node, mesh and primitive.");
+      "\nShows bounds, triangles, pages, sizes in bytes, the least --memory it can be traced under, what each feature "
+      "of\n"
+      "the store costs in the file and in memory, the layouts it can have there, the kernel that answers each query "
+      "on\n"
+      "this machine (query/width/bitstack/mode/instruction set), and cameras; with --json also the import report and\n"
+      "each geometry's node, mesh and primitive. Costs and kernels are not shown of a store on a server.");
   const auto options = add_common(*verb);
   verb->add_option("--server", options->service.server, "Ask this server (ipc://PATH or tcp://HOST:PORT)")
       ->type_name("ADDR");

@@ -134,7 +134,8 @@ Result<OpenStore> open_store(const ServiceOptions& options, const std::string& n
 void QueryOptions::add_to(CLI::App& app) {
   add_parsed(app, "--query", config.query, parse_query,
              "closest: the nearest hit (default). any: whether there is one. count: how many crossings a ray has. all: "
-             "every crossing, in order. transmittance: what the store's fog lets pass between tnear and tfar",
+             "every crossing, in order. transmittance: what the store's fog lets pass between tnear and tfar. spans: "
+             "where the fog is denser than --threshold, in order",
              "QUERY");
   add_parsed(
       app, "--mode", config.mode, parse_mode,
@@ -144,13 +145,13 @@ void QueryOptions::add_to(CLI::App& app) {
   add_parsed(app, "--fields", fields_, parse_fields,
              "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all. "
              "Default: t,uv,primitive_id,geometry_id; for --query any: t; for --query "
-             "count: count; for --query transmittance: transmittance",
+             "count: count; for --query transmittance: transmittance; for --query spans: t,t_leave,geometry_id",
              "LIST");
 }
 
 void QueryOptions::add_lists_to(CLI::App& app) {
   add_parsed(app, "--first", config.first, parse_count,
-             "With --query all: of each ray at most so many hits, the nearest", "K");
+             "With --query all and spans: of each ray at most so many, the nearest", "K");
 }
 
 void QueryOptions::add_volumes_to(CLI::App& app) {
@@ -175,9 +176,13 @@ void QueryOptions::add_volumes_to(CLI::App& app) {
                  "Of ratio: how many times the least majorant of a brick; more samples, less noise")
       ->type_name("X")
       ->capture_default_str();
+  app.add_option("--threshold", config.volume.threshold,
+                 "With --query spans: the voxel value that spans lie above; --density-scale does not count")
+      ->type_name("X")
+      ->capture_default_str();
 }
 
-Status QueryOptions::resolve() {
+Status QueryOptions::resolve_volumes() {
   const VolumeConfig plain;
   VolumeConfig& volume = config.volume;
   const bool of_volumes = method_given_ || volume.step != plain.step || volume.seed != plain.seed ||
@@ -193,8 +198,16 @@ Status QueryOptions::resolve() {
       ((volume.seed != plain.seed || volume.majorant != plain.majorant) && volume.method != VolumeMethod::ratio)) {
     return {ErrorCode::invalid_argument, "--step is for --volume-method march, --seed and --majorant for ratio"};
   }
-  if (config.first != 0 && config.query != Query::all) {
-    return {ErrorCode::invalid_argument, "--first is for --query all; closest gives the first hit"};
+  if (volume.threshold != plain.threshold && config.query != Query::spans) {
+    return {ErrorCode::invalid_argument, "--threshold is for --query spans"};
+  }
+  return {};
+}
+
+Status QueryOptions::resolve() {
+  RAYMILL_RETURN_IF_ERROR(resolve_volumes());
+  if (config.first != 0 && !gives_lists(config.query)) {
+    return {ErrorCode::invalid_argument, "--first is for --query all and spans; closest gives the first hit"};
   }
   config.fields = answered_fields(config.query, fields_ == Field::none ? kDefaultClosestFields : fields_);
   if (fields_ != Field::none && fields_ != config.fields) {
@@ -204,6 +217,9 @@ Status QueryOptions::resolve() {
   if (has(config.fields, Field::transmittance) && config.query != Query::transmittance) {
     return {ErrorCode::invalid_argument,
             "the field transmittance is answered by --query transmittance; leave it out of --fields"};
+  }
+  if (has(config.fields, Field::t_leave) && config.query != Query::spans) {
+    return {ErrorCode::invalid_argument, "the field t_leave is answered by --query spans; leave it out of --fields"};
   }
   if (has(config.fields, Field::count) && config.query != Query::count) {
     return {ErrorCode::invalid_argument, "the field count is answered by --query count; leave it out of --fields"};

@@ -77,12 +77,14 @@ struct QueryOptions {
   void add_to(CLI::App& app);
   /// Of what only trace answers.
   void add_lists_to(CLI::App& app);
-  /// Of how it answers transmittance.
+  /// Of how it answers transmittance and spans.
   void add_volumes_to(CLI::App& app);
   /// Fills in what was left out and refuses what does not go together.
   Status resolve();
 
  private:
+  Status resolve_volumes();
+
   Field fields_ = Field::none;
   bool method_given_ = false;
 };

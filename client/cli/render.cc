@@ -101,6 +101,9 @@ Status run(RenderOptions& options) {
   if (options.spp && !is_sampled) {
     return {ErrorCode::invalid_argument, "--spp is for --view ao and path; depth and normal take one ray a pixel"};
   }
+  if (config.fog_density > 0 && !is_sampled) {
+    return {ErrorCode::invalid_argument, "--fog is for --view ao and path; depth and normal show surfaces alone"};
+  }
   config.spp = options.spp.value_or(is_sampled ? kDefaultSpp : 1);
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   RAYMILL_ASSIGN_OR_RETURN(
@@ -161,6 +164,11 @@ Verb add_render(CLI::App& app) {
       ->capture_default_str();
   verb->add_option("--radius", options->radius, "Reach of ao, scene units. Default: a tenth of the bounds' diagonal")
       ->type_name("LENGTH")
+      ->check(CLI::PositiveNumber);
+  verb->add_option("--fog", options->render.fog_density,
+                   "Show the store's fog in ao and path, as a grey veil before what the camera sees: its extinction in "
+                   "1 / scene unit where a voxel holds 1. Fog casts no shadow")
+      ->type_name("X")
       ->check(CLI::PositiveNumber);
   verb->add_option("--seed", options->render.seed, "Another seed, other noise")->type_name("N")->capture_default_str();
   add_parsed(*verb, "--mode", options->render.mode, parse_mode, "watertight (default), fast or exact", "MODE");

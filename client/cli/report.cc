@@ -35,6 +35,41 @@ std::string point(const std::array<float, 3>& p) {
   return text;
 }
 
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) {
+    text += (text.empty() ? "" : ", ") + word;
+  }
+  return text;
+}
+
+std::string cost_text(const FeatureCost& cost) {
+  const std::string pages = cost.pages > 0 ? " in " + std::to_string(cost.pages) + " pages" : "";
+  return cost.feature + ": " +
+         (cost.store_bytes ? format_bytes(*cost.store_bytes) + " on disk" + pages : "in the triangles' pages") +
+         (cost.feature == "file" ? "" : ", " + format_bytes(cost.decoded_bytes) + " decoded");
+}
+
+json costs_json(const std::vector<FeatureCost>& costs) {
+  json list = json::array();
+  for (const FeatureCost& cost : costs) {
+    list.push_back({{"feature", cost.feature},
+                    {"pages", cost.pages},
+                    {"store_bytes", cost.store_bytes ? json(*cost.store_bytes) : json()},
+                    {"decoded_bytes", cost.decoded_bytes}});
+  }
+  return list;
+}
+
+// By the query, which a kernel's name begins with.
+json kernels_json(const std::vector<std::string>& kernels) {
+  json object = json::object();
+  for (const std::string& kernel : kernels) {
+    object[kernel.substr(0, kernel.find('/'))] = kernel;
+  }
+  return object;
+}
+
 std::string volume_text(const json& volume) {
   if (!volume.is_object()) {
     return "";
@@ -113,7 +148,7 @@ std::string stats_text(const JobStats& stats) {
          format_bytes(stats.peak_rss_bytes) + "\n" + (stats.io_note.empty() ? "" : stats.io_note + "\n");
 }
 
-json info_json(const StoreInfo& info) {
+json info_json(const StoreInfo& info, const InfoExtras& extras) {
   json object = {{"format_version", info.format_version},
                  {"features", info.features},
                  {"bounds", {{"min", info.bounds_min}, {"max", info.bounds_max}}},
@@ -129,7 +164,10 @@ json info_json(const StoreInfo& info) {
                  {"width", info.width},
                  {"positions", info.positions},
                  {"page_bytes", info.page_bytes},
-                 {"levels", info.levels}};
+                 {"levels", info.levels},
+                 {"layouts", info.layouts},
+                 {"kernels", kernels_json(extras.kernels)},
+                 {"costs", costs_json(extras.costs)}};
   const json metadata = parsed(info.metadata_json);
   for (const char* key : {"import", "geometries", "cameras"}) {
     object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
@@ -142,14 +180,11 @@ json info_json(const StoreInfo& info) {
   return object;
 }
 
-std::string info_text(const StoreInfo& info) {
-  std::string features;
-  for (const std::string& feature : info.features) {
-    features += (features.empty() ? "" : ", ") + feature;
-  }
+std::string info_text(const StoreInfo& info, const InfoExtras& extras) {
   const double triangles = info.triangles > 0 ? static_cast<double>(info.triangles) : 1;
   std::string text =
-      line("format", std::to_string(info.format_version)) + line("features", features.empty() ? "none" : features) +
+      line("format", std::to_string(info.format_version)) +
+      line("features", info.features.empty() ? "none" : joined(info.features)) +
       line("bounds", point(info.bounds_min) + " to " + point(info.bounds_max)) +
       line("triangles", std::to_string(info.triangles) + " in " + std::to_string(info.geometries) + " geometries") +
       (info.instances > 0
@@ -163,7 +198,13 @@ std::string info_text(const StoreInfo& info) {
                         formatted(" (%.2f B a triangle)", static_cast<double>(info.store_bytes) / triangles)) +
       line("decoded", format_bytes(info.decoded_bytes) +
                           formatted(" (%.2f B a triangle)", static_cast<double>(info.decoded_bytes) / triangles)) +
-      line("least memory", format_bytes(info.least_memory_bytes));
+      line("least memory", format_bytes(info.least_memory_bytes)) + line("layouts", joined(info.layouts));
+  for (const FeatureCost& cost : extras.costs) {
+    text += line("cost", cost_text(cost));
+  }
+  for (const std::string& kernel : extras.kernels) {
+    text += line("kernel", kernel);
+  }
   const json metadata = parsed(info.metadata_json);
   if (metadata.is_object() && metadata.contains("masks")) {
     text += line("masks", masks_text(metadata["masks"]));

@@ -60,7 +60,7 @@ class Answers {
   // What is made before the engine.
   Status create(const TraceOptions& options, std::uint64_t ray_count) {
     const HitLayout layout(options.query.config.fields);
-    if (options.query.config.query == Query::all) {
+    if (gives_lists(options.query.config.query)) {
       if (options.resume) {
         return {ErrorCode::invalid_argument, "--resume goes on with queries that have a row a ray; leave it out"};
       }
@@ -197,7 +197,9 @@ Verb add_trace(CLI::App& app) {
       "float32; NaN\n"
       "for an invalid ray. --query all: HITS.npy holds the hits "
       "of\n"
-      "all rays, by t within a ray, and HITS.offsets.npy (N + 1 uint64) says where those of each begin and end.\n\n"
+      "all rays, by t within a ray, and HITS.offsets.npy (N + 1 uint64) says where those of each begin and end. "
+      "--query\n"
+      "spans: the same of spans, with t, t_leave and geometry_id.\n\n"
       "  raymill trace city.mill rays.npy -o hits.npy --memory 512M --stats run.json");
   verb->add_option("STORE", options->store, "The store; with --server its name there")->required()->type_name("X.mill");
   verb->add_option("RAYS", options->rays, "The rays")->required()->type_name("RAYS.npy");

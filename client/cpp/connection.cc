@@ -97,7 +97,7 @@ void Connection::wake() const {
   }
 }
 
-Result<ServerPacket> Connection::call(pb::ClientMessage message) {
+Result<ServerPacket> Connection::call(pb::ClientMessage message, std::optional<Frame> frame) {
   std::unique_lock lock(mutex_);
   if (!lost_.ok()) {
     return lost_;
@@ -105,7 +105,7 @@ Result<ServerPacket> Connection::call(pb::ClientMessage message) {
   const std::uint64_t sequence = ++last_sequence_;
   message.set_sequence(sequence);
   waiting_.try_emplace(sequence);
-  outgoing_.push_back({std::move(message), std::nullopt});
+  outgoing_.push_back({std::move(message), std::move(frame)});
   wake();
   answered_.wait(lock, [&] { return !lost_.ok() || waiting_.at(sequence).answer.has_value(); });
   std::optional<ServerPacket> answer = std::move(waiting_.at(sequence).answer);

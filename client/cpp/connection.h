@@ -46,7 +46,7 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
 
   /// Sends a message and waits for its answer; an Error message becomes the Status.
-  Result<ServerPacket> call(pb::ClientMessage message);
+  Result<ServerPacket> call(pb::ClientMessage message, std::optional<Frame> frame = std::nullopt);
   /// Sends a message whose answer, if any, goes to Handlers::message.
   void post(pb::ClientMessage message, std::optional<Frame> frame = std::nullopt);
 

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cstring>
 #include <utility>
+#include <vector>
 
 #include "server/limits.h"
+#include "server/list_frames.h"
 #include "storage/base/checksum.h"
 
 namespace raymill::client {
@@ -14,23 +16,37 @@ namespace {
 /// Keeps the frame that a HitChunk's rows lie in.
 class FrameOwner final : public HitChunk::Owner {
  public:
-  explicit FrameOwner(Frame frame) : frame_(std::move(frame)) {}
-  [[nodiscard]] std::span<const std::byte> bytes() const { return server::bytes_of(frame_); }
+  FrameOwner(Frame frame, std::vector<std::uint32_t> offsets)
+      : frame_(std::move(frame)), offsets_(std::move(offsets)) {}
+  [[nodiscard]] std::span<const std::byte> rows() const {
+    return server::bytes_of(frame_).subspan(offsets_.size() * sizeof(std::uint32_t));
+  }
+  [[nodiscard]] std::span<const std::uint32_t> offsets() const { return offsets_; }
 
  private:
   Frame frame_;
+  std::vector<std::uint32_t> offsets_;  // of lists
 };
+
+// Masks of geometries as they travel; none where there are none.
+Result<std::optional<Frame>> masks_frame(const TraceConfig& config) {
+  if (!config.geometry_masks || config.geometry_masks->empty()) {
+    return std::optional<Frame>();
+  }
+  const auto& masks = *config.geometry_masks;
+  if (masks.size() > server::kMostGeometryMasks) {
+    return {ErrorCode::unsupported, "a server takes masks of " + std::to_string(server::kMostGeometryMasks) +
+                                        " geometries at most, not of " + std::to_string(masks.size()) +
+                                        "; trace on this machine, by an Engine or without --server"};
+  }
+  return std::optional<Frame>(std::in_place, masks.data(), masks.size() * sizeof(std::uint32_t));
+}
 
 }  // namespace
 
 Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> context, const ClientConfig& config,
                                                 const JobRequest& request) {
-  if (request.trace.query == Query::all || request.trace.query == Query::transmittance || request.trace.skips ||
-      request.trace.geometry_masks) {
-    return {ErrorCode::unsupported,
-            "a server answers neither the queries all and transmittance nor rays that skip primitives or have masks; "
-            "trace them on this machine, by an Engine or without --server"};
-  }
+  RAYMILL_ASSIGN_OR_RETURN(std::optional<Frame> masks, masks_frame(request.trace));
   std::unique_ptr<JobLink> link(new JobLink);
   Handlers handlers{.message = [raw = link.get()](ServerPacket&& packet) { raw->on_message(std::move(packet)); },
                     .lost = [raw = link.get()](const Status& status) { raw->end(status); }};
@@ -39,12 +55,10 @@ Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> 
   pb::ClientMessage message;
   pb::StartJob& start = *message.mutable_start_job();
   start.set_store(request.store);
-  start.set_query(server::to_wire(request.trace.query));
-  start.set_mode(server::to_wire(request.trace.mode));
-  start.set_fields(static_cast<std::uint32_t>(request.trace.fields));
+  server::fill(request.trace, start);
   start.set_detached(request.detached);
   start.set_rows_limit(server::kRowsWindow);
-  RAYMILL_ASSIGN_OR_RETURN(const ServerPacket answer, link->connection_->call(std::move(message)));
+  RAYMILL_ASSIGN_OR_RETURN(const ServerPacket answer, link->connection_->call(std::move(message), std::move(masks)));
   if (!answer.message.has_job_accepted()) {
     return {ErrorCode::corrupt, config.address + " answered a request for a job with something else"};
   }
@@ -52,6 +66,9 @@ Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> 
   const std::lock_guard lock(link->mutex_);
   link->id_ = accepted.job().id();
   link->layout_ = HitLayout(Field(accepted.job().fields()));
+  link->lists_ = gives_lists(request.trace.query);
+  link->skips_ = request.trace.skips;
+  link->masks_ = request.trace.masks;
   link->chunk_rays_ = accepted.chunk_rays();
   link->chunk_limit_ = std::max(link->chunk_limit_, accepted.chunk_limit());
   return link;
@@ -101,20 +118,74 @@ void JobLink::end(const Status& status) {
   changed_.notify_all();
 }
 
-Status JobLink::push(std::span<const Ray> rays) {
+Status JobLink::check(std::size_t rays, const RayExtras& extras) const {
+  const auto fits = [rays](std::size_t count, bool asked) { return count == 0 || (asked && count == rays); };
+  if (!fits(extras.skipped.size(), skips_) || !fits(extras.masks.size(), masks_)) {
+    return {ErrorCode::invalid_argument,
+            "rays bring primitives to skip or masks where the job was asked for them (TraceConfig), one for each ray"};
+  }
+  return {};
+}
+
+// Rays that there is place for; what they do not bring is that they skip nothing and have all bits.
+void JobLink::fill_chunk(std::span<const Ray> rays, const RayExtras& extras) {
+  if (!chunk_) {
+    chunk_.emplace(chunk_rays_ * server::ray_bytes(skips_, masks_));
+    chunk_fill_ = 0;
+  }
+  std::byte* part = server::bytes_of(*chunk_).data();
+  const auto put = [&]<typename T>(std::span<const T> values, const T& none) {
+    std::byte* at = part + chunk_fill_ * sizeof(T);
+    for (std::size_t i = 0; i < rays.size() && values.empty(); ++i) {
+      std::memcpy(at + i * sizeof(T), &none, sizeof(T));
+    }
+    if (!values.empty()) {
+      std::memcpy(at, values.data(), rays.size() * sizeof(T));
+    }
+    part += chunk_rays_ * sizeof(T);
+  };
+  put(rays, Ray());
+  if (skips_) {
+    put(extras.skipped, PrimitiveIds());
+  }
+  if (masks_) {
+    put(extras.masks, kAllMask);
+  }
+  chunk_fill_ += rays.size();
+}
+
+// The chunk as it travels. One that is not full is the last one: its parts move together, and frames cannot shrink.
+Frame JobLink::take_chunk() {
+  Frame full = std::move(*chunk_);
+  chunk_.reset();
+  const std::size_t rays = std::exchange(chunk_fill_, 0);
+  if (rays == chunk_rays_) {
+    return full;
+  }
+  Frame frame(rays * server::ray_bytes(skips_, masks_));
+  const std::byte* from = server::bytes_of(full).data();
+  std::byte* to = server::bytes_of(frame).data();
+  for (const std::size_t each : {sizeof(Ray), skips_ ? sizeof(PrimitiveIds) : 0, masks_ ? sizeof(std::uint32_t) : 0}) {
+    std::memcpy(to, from, rays * each);
+    to += rays * each;
+    from += chunk_rays_ * each;
+  }
+  return frame;
+}
+
+Status JobLink::push(std::span<const Ray> rays, const RayExtras& extras) {
   if (finished_) {
     return {ErrorCode::invalid_argument, "rays were pushed after finish()"};
   }
+  RAYMILL_RETURN_IF_ERROR(check(rays.size(), extras));
   RAYMILL_RETURN_IF_ERROR(status());
-  while (!rays.empty()) {
-    if (!chunk_) {
-      chunk_.emplace(chunk_rays_ * sizeof(Ray));
-      chunk_fill_ = 0;
-    }
-    const std::size_t count = std::min<std::size_t>(rays.size(), chunk_rays_ - chunk_fill_);
-    std::memcpy(server::bytes_of(*chunk_).data() + chunk_fill_ * sizeof(Ray), rays.data(), count * sizeof(Ray));
-    chunk_fill_ += count;
-    rays = rays.subspan(count);
+  for (std::size_t at = 0; at < rays.size();) {
+    const std::size_t count = std::min<std::size_t>(rays.size() - at, chunk_rays_ - chunk_fill_);
+    RayExtras bring;
+    bring.skipped = extras.skipped.empty() ? extras.skipped : extras.skipped.subspan(at, count);
+    bring.masks = extras.masks.empty() ? extras.masks : extras.masks.subspan(at, count);
+    fill_chunk(rays.subspan(at, count), bring);
+    at += count;
     if (chunk_fill_ == chunk_rays_) {
       RAYMILL_RETURN_IF_ERROR(send_chunk());
     }
@@ -133,16 +204,13 @@ Status JobLink::send_chunk() {
                               : end_status_;
     }
   }
-  // A chunk that is not full is the last one; frames cannot shrink.
-  Frame frame = chunk_fill_ == chunk_rays_ ? std::move(*chunk_) : Frame(chunk_->data(), chunk_fill_ * sizeof(Ray));
   pb::ClientMessage message;
   pb::Chunk& chunk = *message.mutable_chunk();
   chunk.set_job(id_);
   chunk.set_index(chunks_sent_++);
   chunk.set_rays(chunk_fill_);
+  Frame frame = take_chunk();
   chunk.set_checksum(storage::checksum(server::bytes_of(std::as_const(frame))));
-  chunk_.reset();
-  chunk_fill_ = 0;
   connection_->post(std::move(message), std::move(frame));
   return {};
 }
@@ -179,8 +247,8 @@ std::optional<HitChunk> JobLink::next() {
     return std::nullopt;
   }
   if (rows_.empty()) {
-    if (rows_read_ != rays_pushed_) {
-      end_status_ = {ErrorCode::corrupt, "the server answered " + std::to_string(rows_read_) + " of " +
+    if (rays_read_ != rays_pushed_) {
+      end_status_ = {ErrorCode::corrupt, "the server answered " + std::to_string(rays_read_) + " of " +
                                              std::to_string(rays_pushed_) + " rays"};
     }
     return std::nullopt;
@@ -189,35 +257,49 @@ std::optional<HitChunk> JobLink::next() {
   rows_.pop_front();
   lock.unlock();
 
-  const Status good = check(rows);
-  if (!good.ok()) {
+  Result<HitChunk> given = chunk_of(std::move(rows));
+  if (!given.ok()) {
     lock.lock();
     ended_ = true;
-    end_status_ = good;
+    end_status_ = given.status();
     lock.unlock();
     pb::ClientMessage message;
     message.mutable_cancel_job()->set_job(id_);
     connection_->post(std::move(message));
     return std::nullopt;
   }
-  const std::uint64_t index = messages_read_++;
-  const std::uint64_t first_ray = rows_read_;
-  rows_read_ += rows.header.rows();
   pb::ClientMessage message;
   message.mutable_accept_rows()->set_job(id_);
   message.mutable_accept_rows()->set_limit(messages_read_ + server::kRowsWindow);
   connection_->post(std::move(message));
   lock.lock();
-  rays_done_ = std::max(rays_done_, rows_read_);
+  rays_done_ = std::max(rays_done_, rays_read_);
   lock.unlock();
-  auto owner = std::make_unique<FrameOwner>(std::move(rows.frame));
-  const auto bytes = owner->bytes();
-  return HitChunk(index, first_ray, layout_, bytes, std::move(owner));
+  return std::move(*given);
+}
+
+Result<HitChunk> JobLink::chunk_of(ReceivedRows rows) {
+  RAYMILL_RETURN_IF_ERROR(check(rows));
+  std::vector<std::uint32_t> offsets;
+  if (lists_) {
+    RAYMILL_ASSIGN_OR_RETURN(offsets,
+                             server::read_offsets(server::bytes_of(std::as_const(rows.frame)), rows.header.rays(),
+                                                  rows.header.rows(), layout_.row_bytes()));
+  }
+  const std::uint64_t first_ray = rays_read_;
+  const bool goes_on = lists_ && rows.header.goes_on();
+  rays_read_ += lists_ ? rows.header.rays() - (goes_on ? 1 : 0) : rows.header.rows();
+  auto owner = std::make_unique<FrameOwner>(std::move(rows.frame), std::move(offsets));
+  const auto [bytes, starts] = std::pair(owner->rows(), owner->offsets());
+  HitChunk chunk(messages_read_++, first_ray, layout_, bytes, std::move(owner));
+  chunk.set_offsets(starts, goes_on);
+  return chunk;
 }
 
 Status JobLink::check(const ReceivedRows& rows) const {
-  if (rows.header.index() != messages_read_ || rows.header.first_ray() != rows_read_ ||
-      rows.header.rows() > chunk_rays_ || rows.frame.size() != rows.header.rows() * layout_.row_bytes()) {
+  const bool fits = lists_ || (rows.header.rows() <= chunk_rays_ && rows.header.rays() == 0 &&
+                               rows.frame.size() == rows.header.rows() * layout_.row_bytes());
+  if (rows.header.index() != messages_read_ || rows.header.first_ray() != rays_read_ || !fits) {
     return {ErrorCode::corrupt, "the server sent rows out of their order or size"};
   }
   if (storage::checksum(server::bytes_of(rows.frame)) != rows.header.checksum()) {

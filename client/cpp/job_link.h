@@ -40,8 +40,9 @@ class JobLink {
   [[nodiscard]] const std::string& id() const { return id_; }
   [[nodiscard]] std::uint32_t chunk_rays() const { return chunk_rays_; }
 
-  /// Fills chunks and sends those that are full. Waits for credit.
-  Status push(std::span<const Ray> rays);
+  /// Fills chunks and sends those that are full. Waits for credit. Errors: also invalid_argument (what the rays bring
+  /// is not what the job was asked for).
+  Status push(std::span<const Ray> rays, const RayExtras& extras = {});
   /// Sends what is left and says that no more comes.
   Status finish();
   std::optional<HitChunk> next();
@@ -59,22 +60,27 @@ class JobLink {
   JobLink() = default;
   void on_message(ServerPacket&& packet);
   void end(const Status& status);
+  [[nodiscard]] Status check(std::size_t rays, const RayExtras& extras) const;
+  void fill_chunk(std::span<const Ray> rays, const RayExtras& extras);
+  Frame take_chunk();
   Status send_chunk();
+  Result<HitChunk> chunk_of(ReceivedRows rows);
   /// Whether rows are what the server promised them to be.
   [[nodiscard]] Status check(const ReceivedRows& rows) const;
 
   std::string id_;
   HitLayout layout_;
+  bool lists_ = false, skips_ = false, masks_ = false;
   std::uint32_t chunk_rays_ = 0;
 
   // Of the pushing thread:
-  std::optional<Frame> chunk_;  ///< being filled
+  std::optional<Frame> chunk_;  ///< being filled: places for rays, for primitives, for masks
   std::size_t chunk_fill_ = 0;  ///< rays in it
   std::uint64_t chunks_sent_ = 0;
   bool finished_ = false;
   // Of the reading thread:
   std::uint64_t messages_read_ = 0;
-  std::uint64_t rows_read_ = 0;
+  std::uint64_t rays_read_ = 0;  ///< whose answers are all read
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;

@@ -3,5 +3,6 @@
 
 #include "client/cpp/client.h"
 #include "storage/io/build_store.h"
+#include "storage/io/store_costs.h"
 #include "traversal/engine.h"
 #include "traversal/service.h"

@@ -8,6 +8,7 @@ set(raymill_public_headers
   storage/base/status.h
   storage/base/ledger.h
   storage/io/build_store.h
+  storage/io/store_costs.h
   traversal/query.h
   traversal/service.h
   traversal/engine.h

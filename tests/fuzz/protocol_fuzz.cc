@@ -8,8 +8,10 @@
 #include <cstdlib>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "server/limits.h"
+#include "server/list_frames.h"
 #include "server/store_names.h"
 #include "server/wire.h"
 
@@ -29,12 +31,15 @@ void fuzz_client_message(std::span<const std::byte> bytes, std::optional<std::si
   }
   if (message.has_start_job()) {
     const TraceConfig config = to_trace_config(message.start_job());
+    require(frame_bytes.value_or(0) == message.start_job().geometry_masks() * sizeof(std::uint32_t));
     require(HitLayout(config.fields).row_bytes() > 0 && HitLayout(config.fields).row_bytes() <= kMostRowBytes);
     const auto name = canonical_store_name(message.start_job().store());
     require(!name.ok() || canonical_store_name(*name + ".mill").ok());
   }
   if (message.has_chunk()) {
-    require(frame_bytes && message.chunk().rays() * sizeof(Ray) == *frame_bytes);
+    const std::uint64_t rays = message.chunk().rays();
+    require(frame_bytes && rays > 0 && *frame_bytes % rays == 0);
+    require(*frame_bytes / rays >= sizeof(Ray) && *frame_bytes / rays <= sizeof(Ray) + kMostExtraBytes);
   }
 }
 
@@ -44,7 +49,13 @@ void fuzz_server_message(std::span<const std::byte> bytes, std::optional<std::si
     return;
   }
   if (message.has_rows()) {
-    require(message.rows().rows() > 0 && *frame_bytes % message.rows().rows() == 0);
+    const pb::Rows& rows = message.rows();
+    if (rows.rays() == 0) {
+      require(rows.rows() > 0 && *frame_bytes % rows.rows() == 0);
+    } else {
+      const std::vector<std::byte> frame(*frame_bytes);
+      (void)read_offsets(frame, rows.rays(), rows.rows(), sizeof(float));
+    }
   }
   if (message.has_store_description()) {
     (void)from_wire(message.store_description(), "{}");

@@ -3,6 +3,7 @@
 //
 // The first byte chooses whether the rest is an encoded page or an image.
 
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -21,6 +22,12 @@ using namespace raymill;
 using namespace raymill::storage;
 
 constexpr std::uint32_t kPageBytes = 16 << 10;
+
+struct Config {
+  VolumeKind kind;
+  Query query;
+  VolumeConfig volume;
+};
 
 // A volume whose root is what the page gives.
 Volume volume_of(const VolumePageView& page, VolumeKind kind) {
@@ -42,26 +49,30 @@ void run_rays(const std::byte* image) {
   }
   const std::atomic<const std::byte*> images[] = {image};
   std::atomic<std::uint8_t> touched[] = {0};
-  for (const VolumeKind kind : {VolumeKind::fog, VolumeKind::level_set}) {
+  std::array<traversal::Crossing, 4> room;
+  traversal::CrossingBuffer crossings{.room = room, .take = [](void*, std::span<const traversal::Crossing>) {}};
+  const double middle = 0.5 * (double(page.nodes()[0].lower[0]) + double(page.nodes()[0].upper[0]));
+  for (const auto& [kind, query, config] :
+       {Config{VolumeKind::fog, Query::transmittance, {}},
+        Config{VolumeKind::fog, Query::transmittance, {.method = VolumeMethod::march, .step = 0.5}},
+        Config{VolumeKind::fog, Query::spans, {.threshold = middle}},
+        Config{VolumeKind::level_set, Query::closest, {}}}) {
     const Volume volume = volume_of(page, kind);
-    const Query query = kind == VolumeKind::fog ? Query::transmittance : Query::closest;
-    for (const VolumeMethod method : {VolumeMethod::exact, VolumeMethod::march}) {
-      traversal::RayState ray;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        ray.org[axis] = static_cast<float>(volume.origin[axis]) - 3;
-        ray.dir[axis] = 1 + 0.1F * static_cast<float>(axis);
-      }
-      ray.tfar = std::numeric_limits<float>::max();
-      traversal::VolumeContext context{.volumes = {&volume, 1}, .query = query, .need_normal = true};
-      context.config = {.method = method, .step = 0.5};
-      context.images = images;
-      context.touched = touched;
-      traversal::begin_volumes(query, context.config, context.volumes, ray);
-      traversal::run_volumes(context, {&ray, 1});
-      // The one page is there, so nothing is left to wait for.
-      if (!ray.done) {
-        std::abort();
-      }
+    traversal::RayState ray;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      ray.org[axis] = static_cast<float>(volume.origin[axis]) - 3;
+      ray.dir[axis] = 1 + 0.1F * static_cast<float>(axis);
+    }
+    ray.tfar = std::numeric_limits<float>::max();
+    traversal::VolumeContext context{.volumes = {&volume, 1}, .query = query, .config = config, .need_normal = true};
+    context.crossings = &crossings;
+    context.images = images;
+    context.touched = touched;
+    traversal::begin_volumes(query, context.config, context.volumes, ray);
+    traversal::run_volumes(context, {&ray, 1});
+    // The one page is there, so nothing is left to wait for.
+    if (!ray.done) {
+      std::abort();
     }
   }
 }

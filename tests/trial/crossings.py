@@ -78,7 +78,14 @@ class Trial:
         with support.Server(self.raymill, self.folder, self.folder) as server:
             remote, _ = self.trace("--query", "count", "--server", server.address, name="remote.npy")
             self.expect((local == remote).all(), "a server counts something else")
-            self.refuse(["--query", "all", "--server", server.address], INPUT)
+            brought = ["--skip", self.folder / "skip.npy", "--geometry-masks", self.folder / "geometries.npy",
+                       "--ray-masks", self.folder / "masks.npy"]
+            for words in ([], ["--first", "2"], brought):
+                self.lists(*words, name="here.npy")
+                self.lists(*words, "--server", server.address, name="there.npy")
+                for name in ("here.npy", "here.offsets.npy"):
+                    same = support.sha256(self.folder / name) == support.sha256(self.folder / name.replace("here", "there"))
+                    self.expect(same, f"{name} {' '.join(map(str, words))}: other bytes through a server")
 
     def refuse(self, words, rc):
         output = self.folder / "refused.npy"

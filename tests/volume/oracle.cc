@@ -4,6 +4,8 @@
 //   make KIND OUT.vdb [SIZE]               fog, sphere, torus (level sets), empty, one-voxel, int, mixed
 //   surface FILE.vdb RAYS.f32 OUT.f32      (t, normal) of LevelSetRayIntersector; t = inf: no hit
 //   depth FILE.vdb RAYS.f32 OUT.f64 STEP   sum of trilinear samples in the middle of steps of at most STEP voxels
+//   above FILE.vdb RAYS.f32 OUT.f64 STEP THRESHOLD   of such samples: (t in which they are above it, changes, step in
+//   t) surface-of FOG.vdb OUT.vdb             the level set where a fog of 0 to 1 is a half
 //
 // Rays: 8 float32 each, org, tnear, dir, tfar. World space.
 #include <openvdb/io/File.h>
@@ -163,11 +165,32 @@ void surface(const std::string& path, const std::string& rays_path, const std::s
   write_all(out, answers);
 }
 
-void depth(const std::string& path, const std::string& rays_path, const std::string& out, double step) {
+// A fog's values across three voxels to each side of its surface are distances from it.
+void surface_of(const std::string& path, const std::string& out) {
+  const FloatGrid::Ptr fog = read_float_grid(path);
+  const float band = static_cast<float>(3 * fog->voxelSize()[0]);
+  const FloatGrid::Ptr grid = FloatGrid::create(band / 2);
+  grid->setName("surface");
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  grid->setTransform(fog->transform().copy());
+  FloatGrid::Accessor values = grid->getAccessor();
+  for (auto voxel = fog->cbeginValueOn(); voxel; ++voxel) {
+    const float distance = (0.5F - *voxel) * band;
+    if (voxel.isVoxelValue()) {
+      values.setValue(voxel.getCoord(), distance);
+    } else {
+      grid->fill(voxel.getBoundingBox(), distance);
+    }
+  }
+  openvdb::io::File(out).write({grid});
+}
+
+// Calls ray(direction's length) before, and sample(value, size of a step in t) at each step of each ray.
+template <typename Begin, typename Sample>
+void march(const std::string& path, const std::string& rays_path, double step, Begin&& ray_begins, Sample&& sample) {
   const FloatGrid::Ptr grid = read_float_grid(path);
   const auto values = grid->getConstAccessor();
   const openvdb::CoordBBox active = grid->evalActiveVoxelBoundingBox();
-  std::vector<double> answers;
   for (const Ray& ray : read_rays(rays_path)) {
     const Vec3d org(ray.org[0], ray.org[1], ray.org[2]), dir(ray.dir[0], ray.dir[1], ray.dir[2]);
     const Vec3d o = grid->worldToIndex(org), d = grid->worldToIndex(org + dir) - o;
@@ -177,7 +200,7 @@ void depth(const std::string& path, const std::string& rays_path, const std::str
       begin = std::max(begin, std::min(a, b));
       end = std::min(end, std::max(a, b));
     }
-    double sum = 0;
+    ray_begins(dir.length());
     if (begin < end) {
       const double steps = std::ceil((end - begin) * d.length() / step), size = (end - begin) / steps;
       for (double i = 0; i < steps; ++i) {
@@ -193,11 +216,46 @@ void depth(const std::string& path, const std::string& rays_path, const std::str
           }
           value += weight;
         }
-        sum += value * size;
+        sample(value, size);
       }
     }
-    answers.push_back(sum * dir.length());
   }
+}
+
+void depth(const std::string& path, const std::string& rays_path, const std::string& out, double step) {
+  std::vector<double> answers;
+  double length = 1;
+  march(
+      path, rays_path, step,
+      [&](double dir_length) {
+        length = dir_length;
+        answers.push_back(0);
+      },
+      [&](double value, double size) { answers.back() += value * size * length; });
+  write_all(out, answers);
+}
+
+void above(const std::string& path, const std::string& rays_path, const std::string& out, double step,
+           double threshold) {
+  struct Answer {
+    double t, changes, step;
+  };
+  std::vector<Answer> answers;
+  bool was_above = false;
+  march(
+      path, rays_path, step,
+      [&](double) {
+        was_above = false;
+        answers.push_back({0, 0, 0});
+      },
+      [&](double value, double size) {
+        Answer& answer = answers.back();
+        const bool is_above = value > threshold;
+        answer.t += is_above ? size : 0;
+        answer.changes += is_above != was_above ? 1 : 0;
+        answer.step = size;
+        was_above = is_above;
+      });
   write_all(out, answers);
 }
 
@@ -211,10 +269,16 @@ int main(int count, char** words) {
       make(word[1], word[2], word.size() > 3 ? std::atoi(word[3].c_str()) : 64);
     } else if (word.size() == 4 && word[0] == "surface") {
       surface(word[1], word[2], word[3]);
+    } else if (word.size() == 3 && word[0] == "surface-of") {
+      surface_of(word[1], word[2]);
+    } else if (word.size() == 6 && word[0] == "above") {
+      above(word[1], word[2], word[3], std::atof(word[4].c_str()), std::atof(word[5].c_str()));
     } else if (word.size() == 5 && word[0] == "depth") {
       depth(word[1], word[2], word[3], std::atof(word[4].c_str()));
     } else {
-      std::fprintf(stderr, "make KIND OUT [SIZE] | surface FILE RAYS OUT | depth FILE RAYS OUT STEP\n");
+      std::fprintf(
+          stderr,
+          "make KIND OUT [SIZE] | surface FILE RAYS OUT | depth FILE RAYS OUT STEP | above ... | surface-of ...\n");
       return 2;
     }
   } catch (const std::exception& error) {

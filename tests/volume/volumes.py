@@ -1,9 +1,11 @@
 """Volumes through the program, held against OpenVDB and float64 sums.
 
     volumes.py --raymill build/release/bin/raymill --oracle build/release/bin/raymill-volume-oracle [--fog 1024]
+               [--plot errors.png]  (that needs matplotlib: Debian's python3-matplotlib)
 
-For smoke.vdb and sphere.vdb (skipped where the scenes are missing), a fog and two level sets that are made: builds, verifies,
-traces with plenty of memory and with the least, and prints a table of errors. --fog N: the edge of the fog, in voxels.
+For smoke.vdb and sphere.vdb (skipped where the scenes are missing), a fog and level sets that are made: builds, verifies,
+traces with plenty of memory, with the least and through a server, and prints a table of errors. --fog N: the edge of the
+fog, in voxels. --plot: error of transmittance by samples.
 """
 
 import argparse
@@ -17,7 +19,7 @@ import tempfile
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "trial"))
-from support import scenes_folder  # noqa: E402
+from support import Server, scenes_folder  # noqa: E402
 
 BAD_INPUT = 42
 
@@ -54,6 +56,7 @@ def make_rays(info, count, seed):
 class Trial:
     def __init__(self, options, folder):
         self.options, self.folder, self.failures = options, folder, []
+        self.curves = []  # what, samples a voxel, rms error of transmittance
 
     def check(self, what, holds):
         print(("  ok    " if holds else "  WRONG ") + what, flush=True)
@@ -87,11 +90,48 @@ class Trial:
         run(self.options.oracle, verb, vdb, path, out, *words)
         return np.fromfile(out, dtype=dtype)
 
+    def figures(self, info):
+        costs = {cost["feature"]: cost for cost in info["costs"]}
+        self.check(f"info: volumes take {costs['volumes']['store_bytes']} bytes on disk, {costs['volumes']['decoded_bytes']} "
+                   f"decoded, {costs['file']['store_bytes']} stand beside the pages",
+                   sum(cost["store_bytes"] or 0 for cost in info["costs"]) == info["store_bytes"] and
+                   sum(cost["decoded_bytes"] for cost in info["costs"]) == info["decoded_bytes"])
+        self.check(f"info: {', '.join(info['kernels'].values())}", info["layouts"] == ["compact"] and
+                   info["kernels"]["spans"] == "spans" and info["kernels"]["transmittance"] == "transmittance/exact")
+
+    def same_through_a_server(self, store, rays, answers, *words):
+        with Server(self.options.raymill, self.folder, self.folder) as server:
+            remote, _ = self.trace(store.name, rays, *words, "--server", server.address)
+        self.check(f"the same bytes through a server: {' '.join(map(str, words[:2]))}",
+                   remote.tobytes() == answers.tobytes())
+
+    def spans(self, vdb, store, info, rays, threshold):
+        words = ("--query", "spans", "--threshold", threshold)
+        spans, stats = self.trace(store, rays, *words)
+        offsets = np.load(self.folder / "out.offsets.npy")
+        dense = self.oracle("above", vdb, rays, np.float64, 0.05, threshold).reshape(-1, 3)
+        length = spans["t_leave"].astype(np.float64) - spans["t"]
+        sums = np.diff(np.concatenate([[0], np.cumsum(length)])[offsets])
+        # A change lies within half a step of where two samples show it; two between samples are not seen.
+        allowed = (dense[:, 1] + 3) * dense[:, 2] + 1e-5 * np.abs(spans["t_leave"]).max()
+        off = np.abs(sums - dense[:, 0]) > allowed
+        self.check(f"spans above {threshold}: {len(spans)} of {len(rays)} rays, {stats['rays_per_second'] / 1e3:.0f} "
+                   f"krays/s; {off.sum()} rays differ by more than dense samples may", off.sum() <= len(rays) // 500)
+        inner = np.ones(len(spans), dtype=bool)
+        inner[offsets[:-1][np.diff(offsets) > 0]] = False
+        self.check("they are in order and apart", len(spans) > 0 and (length >= 0).all() and
+                   (spans["t"][1:] > spans["t_leave"][:-1])[inner[1:]].all())
+        self.same_with_little_memory(store, info, rays, spans, *words)
+        again = np.load(self.folder / "out.offsets.npy")
+        self.check("the same offsets with little memory", (again == offsets).all())
+        self.same_through_a_server(store, rays, spans, *words)
+
     def fog(self, vdb, name, count, scale):
         print(f"{vdb.name}: transmittance of {count} rays, density scale {scale}")
         store, info = self.build(vdb, name)
         rays = make_rays(info, count, 1)
         words = ("--query", "transmittance", "--density-scale", scale)
+        self.figures(info)
         exact, stats = self.trace(store, rays, *words)
         print(f"  {stats['rays_per_second'] / 1e3:.0f} krays/s")
         # Error of the sum itself: half of the step, a quarter of the error.
@@ -107,6 +147,7 @@ class Trial:
             marched, _ = self.trace(store, rays, *words, "--step", voxel / part)
             errors.append(np.sqrt(np.mean((marched - truth) ** 2)))
             print(f"  march, step voxel / {part}: rms error {errors[-1]:.2e}")
+        self.curves.append((f"{vdb.name} march", [1, 2, 4, 8], errors))
         self.check("marching converges", errors[-1] < errors[0] / 8)
         marched, _ = self.trace(store, rays, *words, "--step", voxel)
         self.same_with_little_memory(store, info, rays, marched, *words, "--step", voxel)
@@ -116,10 +157,14 @@ class Trial:
             deviation = tracked.std(axis=0).mean()
             bias = (tracked.mean(axis=0) - truth).mean()
             noise = tracked.std() / np.sqrt(tracked.size)
+            self.curves.append((f"{vdb.name} ratio, majorant {majorant}", [1, 2, 4, 8],
+                                [np.sqrt(np.mean((tracked[:some].mean(axis=0) - truth) ** 2)) for some in (1, 2, 4, 8)]))
             self.check(f"ratio, majorant {majorant}: deviation of a ray {deviation:.1e}, of the mean of all {bias:+.1e}",
                        abs(bias) < 5 * max(deviation / np.sqrt(tracked.size), 1e-7) + noise * 0.1)
         rounded, rounded_info = self.build(vdb, "rounded-" + name, "--volume-values", "lattice:0.004")
         answers, _ = self.trace(rounded, rays, *words)
+        self.same_through_a_server(store, rays, marched, *words, "--step", voxel)
+        self.spans(vdb, store, info, rays, 0.3)
         print(f"  lattice:0.004: store {rounded_info['store_bytes'] / info['store_bytes']:.2f} of float32's, decoded "
               f"{rounded_info['decoded_bytes'] / info['decoded_bytes']:.2f}, largest error "
               f"{np.abs(answers - truth).max():.1e}")
@@ -176,12 +221,28 @@ def info_voxel(info):
     return (np.array(info["bounds"]["max"]) - np.array(info["bounds"]["min"])) / cells
 
 
+def plot(path, curves):
+    import matplotlib  # pylint: disable=import-outside-toplevel
+    matplotlib.use("Agg")
+    from matplotlib import pyplot  # pylint: disable=import-outside-toplevel
+    figure, axes = pyplot.subplots(figsize=(8, 5))
+    for what, samples, errors in curves:
+        axes.loglog(samples, errors, marker="o", label=what)
+    axes.set_xlabel("samples a voxel (march), estimates averaged (ratio)")
+    axes.set_ylabel("rms error of transmittance")
+    axes.grid(True, which="both", linewidth=0.3)
+    axes.legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(path, dpi=120)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--raymill", required=True, type=lambda path: pathlib.Path(path).resolve())
     parser.add_argument("--oracle", required=True, type=lambda path: pathlib.Path(path).resolve())
     parser.add_argument("--fog", type=int, default=96)
     parser.add_argument("--rays", type=int, default=4000)
+    parser.add_argument("--plot", type=pathlib.Path)
     options = parser.parse_args()
     scenes = scenes_folder()
     with tempfile.TemporaryDirectory(prefix="raymill-volumes-", dir=os.environ.get("TMPDIR")) as folder:
@@ -192,11 +253,16 @@ def main():
         trial.surface(trial.make("sphere", 200), "sphere.mill", options.rays)
         if scenes:
             trial.fog(smoke, "smoke.mill", options.rays, 0.2)
-            trial.fog(scenes / "vdb_oiio_sphere" / "sphere.vdb", "oiio.mill", options.rays, 1)
+            sphere = scenes / "vdb_oiio_sphere" / "sphere.vdb"
+            trial.fog(sphere, "oiio.mill", options.rays, 1)
+            run(options.oracle, "surface-of", sphere, trial.folder / "surface.vdb")
+            trial.surface(trial.folder / "surface.vdb", "surface.mill", options.rays)
             vec3 = scenes / "vdb_sphereCd" / "sphereCd.vdb"
             said = run(options.raymill, "build", vec3, "-o", trial.folder / "bad.mill", rc=BAD_INPUT).stderr
             trial.check(f"sphereCd: {said.strip()}", "vec3s" in said)
         trial.fog(trial.make("fog", options.fog), "fog.mill", options.rays, 0.5)
+    if options.plot:
+        plot(options.plot, trial.curves)
     print("\n".join(trial.failures) or "all as it must be")
     return 1 if trial.failures else 0
 

@@ -36,6 +36,20 @@ double narrow(const std::array<double, 4>& cubic, double low, double high) {
   return high;
 }
 
+// Calls visit(s) at each change of side, rising, until it returns false: there is one at most between two turns.
+template <typename Visit>
+void each_change(const std::array<double, 4>& cubic, Visit&& visit) {
+  double low = 0;
+  const auto turns = turns_of(cubic);
+  for (const double high : {turns[0], turns[1], 1.0}) {
+    if (high > low && side_of(evaluate(cubic, low)) != side_of(evaluate(cubic, high)) &&
+        !visit(narrow(cubic, low, high))) {
+      return;
+    }
+    low = high;
+  }
+}
+
 }  // namespace
 
 std::array<double, 4> TrilinearCell::along(const std::array<double, 3>& a, const std::array<double, 3>& b) const {
@@ -49,15 +63,22 @@ std::array<double, 4> TrilinearCell::along(const std::array<double, 3>& a, const
 }
 
 std::optional<double> first_change(const std::array<double, 4>& cubic) {
-  double low = 0;
-  const auto turns = turns_of(cubic);
-  for (const double high : {turns[0], turns[1], 1.0}) {
-    if (high > low && side_of(evaluate(cubic, low)) != side_of(evaluate(cubic, high))) {
-      return narrow(cubic, low, high);
-    }
-    low = high;
-  }
-  return std::nullopt;
+  std::optional<double> first;
+  each_change(cubic, [&first](double s) {
+    first = s;
+    return false;
+  });
+  return first;
+}
+
+std::array<double, 3> changes_of(const std::array<double, 4>& cubic) {
+  std::array<double, 3> changes{2, 2, 2};
+  std::size_t count = 0;
+  each_change(cubic, [&](double s) {
+    changes[count++] = s;
+    return true;
+  });
+  return changes;
 }
 
 std::optional<SurfaceCrossing> first_crossing(const BrickCells& cells, const Interval& in, double& side) {

@@ -40,6 +40,9 @@ class TrilinearCell {
 /// back it does not.
 std::optional<double> first_change(const std::array<double, 4>& cubic);
 
+/// All of them, rising; 2 in the place of those that there are not.
+std::array<double, 3> changes_of(const std::array<double, 4>& cubic);
+
 /// A ray on its way through a level set. `side`: where it was before the brick, 0 where that is not known; where it is
 /// after. A change of side between bricks or cells, as rounding may make, is a crossing too, so no ray slips through.
 struct SurfaceCrossing {

@@ -8,6 +8,7 @@
 
 #include "traversal/volume/fog.h"
 #include "traversal/volume/level_set.h"
+#include "traversal/volume/spans.h"
 #include "traversal/volume/volume_math.h"
 
 namespace raymill::traversal {
@@ -20,7 +21,7 @@ using storage::VolumeKind;
 using storage::VolumeNode;
 using storage::VolumePageView;
 
-VolumeKind kind_of(Query query) { return query == Query::transmittance ? VolumeKind::fog : VolumeKind::level_set; }
+VolumeKind kind_of(Query query) { return is_of_fog(query) ? VolumeKind::fog : VolumeKind::level_set; }
 
 std::optional<std::size_t> next_volume(Query query, std::span<const Volume> volumes, std::size_t from) {
   while (from < volumes.size() && volumes[from].kind != kind_of(query)) {
@@ -56,7 +57,8 @@ class Walk {
       : context_(context),
         ray_(ray),
         t_(std::bit_cast<double>(ray.stack.words[0])),
-        value_(std::bit_cast<double>(ray.stack.words[1])) {}
+        value_(std::bit_cast<double>(ray.stack.words[1])),
+        span_(ray.stack.words[1]) {}
 
   void run() {
     while (!ray_.done && step()) {
@@ -64,7 +66,9 @@ class Walk {
         break;
       }
     }
-    ray_.stack.words = {std::bit_cast<std::uint64_t>(t_), std::bit_cast<std::uint64_t>(value_)};
+    const bool of_spans = context_.query == Query::spans;
+    ray_.stack.words = {std::bit_cast<std::uint64_t>(t_),
+                        of_spans ? span_.bits() : std::bit_cast<std::uint64_t>(value_)};
   }
 
  private:
@@ -135,8 +139,8 @@ class Walk {
   void begin() {
     ray_.resume = Resume::backtrack;
     t_ = way_.begin;
-    const bool passes_through = context_.query != Query::transmittance && context_.filter != nullptr &&
-                                context_.filter->drops(ray_.skipped, ray_.mask, {volume_->geometry_id, 0});
+    const bool passes_through =
+        context_.filter != nullptr && context_.filter->drops(ray_.skipped, ray_.mask, {volume_->geometry_id, 0});
     if (way_.empty() || passes_through) {
       end_volume();
     }
@@ -219,12 +223,22 @@ class Walk {
 
   // Whether the bounds of a child do not say all that the query asks for.
   [[nodiscard]] bool needs_child(float lower, float upper) const {
-    return context_.query == Query::transmittance ? lower != upper : side_of(lower) != side_of(upper);
+    switch (context_.query) {
+      case Query::transmittance:
+        return lower != upper;
+      case Query::spans:
+        return is_dense(lower) != is_dense(upper);
+      default:
+        return side_of(lower) != side_of(upper);
+    }
   }
+  [[nodiscard]] bool is_dense(double value) const { return value > context_.config.threshold; }
 
-  // A part of the way where the field has one value, or, of a level set, one side.
+  // A part of the way where the field has one value, or is on one side of what is looked for.
   void pass_tile(double value, const Interval& in) {
-    if (context_.query != Query::transmittance) {
+    if (context_.query == Query::spans) {
+      set_dense(is_dense(value), in.begin);
+    } else if (context_.query != Query::transmittance) {
       if (value_ != 0 && value_ != side_of(value)) {
         const double outward = value_ > 0 ? -1 : 1;  // against the ray where it comes from outside
         storage::Point3 gradient{};
@@ -263,6 +277,8 @@ class Walk {
     const Interval in{t_, std::min(*exit, way_.end)};
     if (context_.query == Query::transmittance) {
       pass_fog(cells, brick, in);
+    } else if (context_.query == Query::spans) {
+      each_side(cells, in, context_.config.threshold, [this](bool dense, double t) { set_dense(dense, t); });
     } else if (const auto crossing = first_crossing(cells, in, value_)) {
       take_hit(*crossing);
       ended_ = false;
@@ -287,9 +303,37 @@ class Walk {
     }
   }
 
+  [[nodiscard]] float in_interval(double t) const { return std::clamp(static_cast<float>(t), ray_.tnear, ray_.tfar); }
+
+  // From t on the fog is denser than the threshold, or not.
+  void set_dense(bool dense, double t) {
+    if (dense == span_.is_open()) {
+      return;
+    }
+    if (!dense) {
+      span_.leave(in_interval(t));
+    } else if (!span_.enter(in_interval(t))) {
+      give_span();
+      span_.enter(in_interval(t));
+    }
+  }
+
+  void give_span() {
+    if (span_.exists()) {
+      Hit hit;
+      hit.t = span_.begin();
+      hit.u = span_.end();
+      hit.geometry_id = volume_->geometry_id;
+      hit.primitive_id = 0;
+      context_.crossings->add({ray_.number, hit});
+      ray_.has_hit = true;
+      span_ = {};
+    }
+  }
+
   // The first crossing of a volume is the nearest, and the end of the ray's way through it.
   void take_hit(const SurfaceCrossing& crossing) {
-    const float t = std::clamp(static_cast<float>(crossing.t), ray_.tnear, ray_.tfar);
+    const float t = in_interval(crossing.t);
     const PrimitiveIds ids{volume_->geometry_id, 0};
     ended_ = true;
     if (context_.query == Query::any) {
@@ -327,6 +371,10 @@ class Walk {
   void end_volume() {
     const auto index = static_cast<std::size_t>(volume_ - context_.volumes.data());
     const bool is_fog = context_.query == Query::transmittance;
+    if (context_.query == Query::spans) {
+      set_dense(false, way_.end);
+      give_span();
+    }
     const auto next = next_volume(context_.query, context_.volumes, index + 1);
     if (next) {
       ray_.resume = Resume::enter;
@@ -350,6 +398,7 @@ class Walk {
   double t_;
   /// Fog: the integral of density so far, in lengths of dir; ratio: the transmittance. Level sets: the side, 0 unknown.
   double value_;
+  SpanInHand span_;     ///< in the place of value_, where spans are asked for
   bool ended_ = false;  // a tile ended the way through the volume
   const Volume* volume_ = nullptr;
   VolumeRay in_volume_;
@@ -371,7 +420,7 @@ class Walk {
 }  // namespace
 
 bool looks_at(Query query, std::span<const Volume> volumes) {
-  const bool asks = query == Query::transmittance || query == Query::closest || query == Query::any;
+  const bool asks = is_of_fog(query) || query == Query::closest || query == Query::any;
   return asks && next_volume(query, volumes, 0).has_value();
 }
 

@@ -8,7 +8,8 @@
 // 16 bytes. It needs one page at a time: from a brick whose node is gone it goes on from the root, and every step leads
 // on along the ray or down the tree. A brick is passed in one go, so no answer depends on where a ray waited.
 //
-// Volumes come one after the other: fog for transmittance, level sets for closest and any hit, after the triangles.
+// Volumes come one after the other: fog for transmittance and spans, level sets for closest and any hit, after the
+// triangles.
 #pragma once
 
 #include <atomic>
@@ -33,7 +34,8 @@ struct VolumeContext {
   Query query = Query::closest;
   VolumeConfig config = {};
   bool need_normal = false;
-  const HitFilter* filter = nullptr;  ///< none: all hits count
+  const HitFilter* filter = nullptr;    ///< none: all volumes count
+  CrossingBuffer* crossings = nullptr;  ///< where spans go
   const std::atomic<const std::byte*>* images = nullptr;
   std::atomic<std::uint8_t>* touched = nullptr;
   bool lone_items = false;  ///< for tests: every ray waits at every item

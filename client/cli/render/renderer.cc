@@ -17,6 +17,8 @@ constexpr Vector3 kSunIrradiance{2.5F, 2.1F, 1.6F};
 constexpr Vector3 kZenith{0.10F, 0.20F, 0.45F};
 constexpr Vector3 kHorizon{0.30F, 0.37F, 0.46F};
 constexpr Vector3 kNadir{0.14F, 0.13F, 0.12F};
+constexpr Vector3 kFog{0.30F, 0.30F, 0.31F};  // what fog looks like where nothing shines through
+constexpr float kOpenFog = 0.5F;              // the same in ao
 
 // A wave is worth starting from here on; more memory than for the most is not asked for.
 constexpr std::uint64_t kLeastWave = 4 << 10;
@@ -128,8 +130,11 @@ Status Renderer::trace(Store& store, Query query, const Wave& wave,
   const Field fields = query == Query::any           ? Field::t
                        : config_.view == View::depth ? Field::t
                                                      : Field::t | Field::normal;
-  RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job,
-                           store.trace({.query = query, .mode = config_.mode, .fields = fields}));
+  TraceConfig request{.query = query, .mode = config_.mode, .fields = answered_fields(query, fields)};
+  if (query == Query::transmittance) {
+    request.volume.density_scale = config_.fog_density;
+  }
+  RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<Job> job, store.trace(request));
   BatchTimes times;
   RAYMILL_RETURN_IF_ERROR(run_batch(
       *job, source_of(wave.rays),
@@ -167,13 +172,29 @@ void Renderer::use_first_hit(std::size_t index, const Hit& hit) {
     const Vector3 normal = is_hit ? hit.normal : Vector3{};
     std::copy(normal.begin(), normal.end(), &band_[3 * pixel_of(state)]);
   } else if (!is_hit) {
-    band_[pixel_of(state)] += 1;
+    band_[pixel_of(state)] += state.throughput;
   } else {
     Random random = random_of(state, 1);
     const Surface surface = surface_of(ray, hit);
     occlusion_.add({.org = surface.origin, .dir = cosine_direction(surface.normal, random), .tfar = config_.ao_radius},
                    state);
   }
+}
+
+Status Renderer::shade_fog(Store& store) {
+  RAYMILL_RETURN_IF_ERROR(trace(store, Query::closest, wave_,
+                                [this](std::size_t index, const Hit& hit) { wave_.rays[index].tfar = hit.t; }));
+  return trace(store, Query::transmittance, wave_, [this](std::size_t index, const Hit& hit) {
+    PathState& state = wave_.states[index];
+    state.throughput = 1 - hit.t;
+    if (config_.view == View::ao) {
+      band_[pixel_of(state)] += state.throughput * kOpenFog;
+    } else {
+      add_light(state, kFog);
+    }
+    state.throughput = hit.t;
+    wave_.rays[index].tfar = std::numeric_limits<float>::infinity();
+  });
 }
 
 void Renderer::use_path_hit(std::size_t index, const Hit& hit, std::uint32_t bounce) {
@@ -208,7 +229,7 @@ Status Renderer::shade_occlusion(Store& store, bool is_sun) {
     if (is_sun) {
       add_light(state, kSunIrradiance);
     } else {
-      band_[pixel_of(state)] += 1;
+      band_[pixel_of(state)] += state.throughput;
     }
   });
   occlusion_.clear();
@@ -222,13 +243,19 @@ Status Renderer::render_band(Store& store) {
   const double total = static_cast<double>(config_.extent.height) * config_.extent.width * config_.spp;
   const double before = static_cast<double>(band_begin_) * config_.extent.width * config_.spp;
   const bool is_path = config_.view == View::path;
-  const double jobs = is_path ? 2.0 * (config_.bounces + 1) : config_.view == View::ao ? 2 : 1;
+  const double jobs = (is_path                    ? 2.0 * (config_.bounces + 1)
+                       : config_.view == View::ao ? 2
+                                                  : 1) +
+                      (config_.fog_density > 0 ? 2 : 0);
   while (true) {
     fraction_begin_ = (before + static_cast<double>(group_end_)) / total;
     if (!next_group()) {
       return {};
     }
     fraction_step_ = static_cast<double>(wave_.rays.size()) / total / jobs;
+    if (config_.fog_density > 0) {
+      RAYMILL_RETURN_IF_ERROR(shade_fog(store));
+    }
     if (!is_path) {
       RAYMILL_RETURN_IF_ERROR(
           trace(store, Query::closest, wave_, [&](std::size_t index, const Hit& hit) { use_first_hit(index, hit); }));

@@ -33,6 +33,7 @@ struct RenderConfig {
   std::uint32_t bounces = 4;  ///< View::path: diffuse bounces after the first hit
   std::uint64_t seed = 1;
   float ao_radius = 0;             ///< View::ao: reach, scene units
+  double fog_density = 0;          ///< View::ao, View::path: extinction where a voxel holds 1; 0: no fog is looked for
   std::uint64_t memory_bytes = 0;  ///< for the waves and a band of the picture
 };
 
@@ -72,6 +73,8 @@ class Renderer {
   };
 
   Status render_band(Store& store);
+  /// Dims what the camera's rays will see by the fog before it, and adds the fog's own light.
+  Status shade_fog(Store& store);
   /// Fills the next wave with camera rays; false when the band has them all.
   bool next_group();
   Status trace(Store& store, Query query, const Wave& wave, const std::function<void(std::size_t, const Hit&)>& use);

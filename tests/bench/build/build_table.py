@@ -50,6 +50,7 @@ class Bench:
         out = self.folder / "out"
         out.mkdir(exist_ok=True)
         store = out / f"{name}.mill"
+        before = {store, *out.iterdir()}  # with --keep the stores of other codecs and runs
         done = support.Run([self.options.raymill, "build", scene, "-o", store, "--codec", name, "--positions",
                             positions or "float32", "--memory", memory, "--json", "--progress", "none",
                             *shlex.split(self.options.build)]).need()
@@ -60,7 +61,7 @@ class Bench:
             self.problems.append(f"{codec}: a peak of {support.mib(peak)} MiB under --memory {memory}")
         if store.stat().st_size != told["store_bytes"]:
             self.problems.append(f"{codec}: the store has {store.stat().st_size} bytes, not {told['store_bytes']}")
-        left = sorted(path.name for path in out.iterdir() if path != store)
+        left = sorted(path.name for path in out.iterdir() if path not in before)
         if left:
             self.problems.append(f"{codec}: left beside the store: {', '.join(left)}")
         if not self.options.keep:

@@ -1,12 +1,14 @@
 // The server with the real engine: the same bytes as the engine embedded in the caller's process.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 #include <random>
 
 #include "client/cpp/raymill.h"
+#include "server/limits.h"
 #include "tests/unit/server/harness.h"
 
 namespace raymill::server {
@@ -62,9 +64,45 @@ std::vector<Ray> random_rays() {
   return rays;
 }
 
-/// All rows of a job that is pushed whole before the first is read.
-std::vector<std::byte> trace(Service& service, const std::string& store_name, const TraceConfig& config) {
-  std::vector<std::byte> bytes;
+/// What ray i brings: the ids of some triangle, a mask of one of four bits.
+struct Brought {
+  std::vector<PrimitiveIds> skipped;
+  std::vector<std::uint32_t> masks;
+
+  explicit Brought(const TraceConfig& config) {
+    for (std::uint32_t i = 0; i < kRays; ++i) {
+      if (config.skips) {
+        skipped.push_back({0, i % (2 * kGridSide * kGridSide)});
+      }
+      if (config.masks) {
+        masks.push_back(1u << i % 4);
+      }
+    }
+  }
+};
+
+/// Where lists of rays end, whatever pieces they come in; and their rows.
+class Answers {
+ public:
+  void add(const HitChunk& chunk) {
+    const auto offsets = chunk.offsets();
+    for (std::size_t i = 1; i + (chunk.goes_on() ? 1 : 0) < offsets.size(); ++i) {
+      ends_.push_back(rows_.size() / chunk.layout().row_bytes() + offsets[i]);
+    }
+    rows_.insert(rows_.end(), chunk.rows().begin(), chunk.rows().end());
+  }
+  [[nodiscard]] const std::vector<std::uint64_t>& ends() const { return ends_; }
+  [[nodiscard]] std::size_t bytes() const { return rows_.size(); }
+  bool operator==(const Answers&) const = default;
+
+ private:
+  std::vector<std::uint64_t> ends_;
+  std::vector<std::byte> rows_;
+};
+
+/// All answers of a job that is pushed whole, in uneven pieces, before the first is read.
+Answers trace(Service& service, const std::string& store_name, const TraceConfig& config) {
+  Answers bytes;
   auto store = service.open(store_name);
   if (!store.ok()) {
     ADD_FAILURE() << store.status().message();
@@ -75,10 +113,19 @@ std::vector<std::byte> trace(Service& service, const std::string& store_name, co
     ADD_FAILURE() << job.status().message();
     return bytes;
   }
-  EXPECT_TRUE((*job)->push(random_rays()).ok());
+  const std::vector<Ray> rays = random_rays();
+  const Brought brought(config);
+  for (std::size_t at = 0, count = 0; at < rays.size(); at += count) {
+    count = std::min(rays.size() - at, at % 7919 + 4000);
+    RayExtras extras;
+    extras.skipped = brought.skipped.empty() ? extras.skipped : std::span(brought.skipped).subspan(at, count);
+    extras.masks = brought.masks.empty() ? extras.masks : std::span(brought.masks).subspan(at, count);
+    const auto some = std::span(rays).subspan(at, count);
+    EXPECT_TRUE((config.skips || config.masks ? (*job)->push_with(some, extras) : (*job)->push(some)).ok());
+  }
   EXPECT_TRUE((*job)->finish().ok());
   while (const auto chunk = (*job)->next()) {
-    bytes.insert(bytes.end(), chunk->rows().begin(), chunk->rows().end());
+    bytes.add(*chunk);
   }
   EXPECT_TRUE((*job)->status().ok()) << (*job)->status().message();
   const JobStats stats = (*job)->stats();
@@ -113,19 +160,38 @@ TEST(ServerEngine, GivesTheBytesOfTheEmbeddedEngine) {
   ASSERT_TRUE(engine.ok()) << engine.status().message();
   auto client = Client::connect({.address = config.bind});
   ASSERT_TRUE(client.ok()) << client.status().message();
-  for (const TraceConfig& request : {TraceConfig{}, TraceConfig{.mode = Mode::fast, .fields = Field::all},
-                                     TraceConfig{.query = Query::any}, TraceConfig{.query = Query::count}}) {
-    const auto embedded = trace(**engine, build_config.output, request);
-    const auto remote = trace(**client, "grid", request);
-    EXPECT_EQ(embedded.size(), remote.size());
-    EXPECT_FALSE(embedded.empty());
+  const auto masks = std::make_shared<const std::vector<std::uint32_t>>(std::vector<std::uint32_t>{5});
+  for (const TraceConfig& request :
+       {TraceConfig{}, TraceConfig{.mode = Mode::fast, .fields = Field::all}, TraceConfig{.query = Query::any},
+        TraceConfig{.query = Query::count}, TraceConfig{.query = Query::all},
+        TraceConfig{.query = Query::all, .fields = Field::all, .first = 1},
+        TraceConfig{.query = Query::count, .skips = true},
+        TraceConfig{.query = Query::all, .skips = true, .masks = true, .geometry_masks = masks},
+        TraceConfig{.masks = true, .mask = 3, .geometry_masks = masks}}) {
+    const Answers embedded = trace(**engine, build_config.output, request);
+    const Answers remote = trace(**client, "grid", request);
+    EXPECT_EQ(embedded.bytes(), remote.bytes());
+    EXPECT_EQ(embedded.ends().size(), gives_lists(request.query) ? kRays : 0);
+    EXPECT_GT(embedded.bytes(), 0u);
     EXPECT_TRUE(embedded == remote);
   }
   const auto store = (*client)->open("grid");
   ASSERT_TRUE(store.ok());
-  for (const TraceConfig& request : {TraceConfig{.query = Query::all}, TraceConfig{.skips = true}}) {
-    EXPECT_EQ((*store)->trace(request).status().code(), ErrorCode::unsupported);
-  }
+  const TraceConfig too_many{.geometry_masks =
+                                 std::make_shared<const std::vector<std::uint32_t>>(kMostGeometryMasks + 1)};
+  EXPECT_EQ((*store)->trace(too_many).status().code(), ErrorCode::unsupported);
+  const auto lists =
+      (*client)->submit("grid", {.query = Query::all}, [](std::span<Ray>) { return Result<std::size_t>(0); });
+  EXPECT_EQ(lists.status().code(), ErrorCode::unsupported);
+  const auto fog = (*store)->trace({.query = Query::transmittance});
+  ASSERT_TRUE(fog.ok());
+  EXPECT_FALSE((*fog)->next());
+  EXPECT_EQ((*fog)->status().code(), ErrorCode::invalid_argument) << "there is none in this store";
+  const auto job = (*store)->trace({});
+  ASSERT_TRUE(job.ok());
+  const Ray ray;
+  const PrimitiveIds nothing;
+  EXPECT_EQ((*job)->push_with({&ray, 1}, {.skipped = {&nothing, 1}}).code(), ErrorCode::invalid_argument);
   const auto info = (*store)->info();
   ASSERT_TRUE(info.ok()) << info.status().message();
   EXPECT_EQ(info->triangles, report->triangles);

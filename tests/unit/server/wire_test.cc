@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "server/limits.h"
+#include "server/list_frames.h"
 
 namespace raymill::server {
 namespace {
@@ -31,7 +32,7 @@ TEST(Wire, EveryPrefixOfAMessageIsRefusedOrWhole) {
 }
 
 TEST(Wire, EveryQueryAndModeComesBack) {
-  for (const Query query : {Query::closest, Query::any}) {
+  for (const Query query : {Query::closest, Query::any, Query::count, Query::all, Query::transmittance, Query::spans}) {
     EXPECT_EQ(from_wire(to_wire(query)), query);
   }
   pb::ClientMessage message;
@@ -62,10 +63,117 @@ TEST(Wire, RowsMustFillTheirFrame) {
   EXPECT_FALSE(decode_text(message, 0).ok());
   message.mutable_rows()->set_rows(~0ull);
   EXPECT_FALSE(decode_text(message, 40).ok());
+  message.mutable_rows()->set_rays(1);
+  EXPECT_FALSE(decode_text(message, 40).ok());
+  message.mutable_rows()->set_rows(0);
+  EXPECT_TRUE(decode_text(message, 8).ok()) << "a ray without hits";
+  message.mutable_rows()->set_rays(~0ull);
+  EXPECT_FALSE(decode_text(message, 8).ok());
   message.mutable_job_accepted()->set_chunk_rays(0);
   EXPECT_FALSE(decode_text(message).ok());
   message.mutable_error()->set_code(0);
   EXPECT_FALSE(decode_text(message).ok());
+}
+
+TEST(Wire, ARequestComesBackWhole) {
+  TraceConfig config{.query = Query::spans, .fields = kSpanFields};
+  config.volume = {VolumeMethod::ratio, 0.25, 3, 7, 2, 0.5};
+  config.first = 9;
+  config.skips = config.masks = true;
+  config.mask = 6;
+  pb::ClientMessage message;
+  message.mutable_start_job()->set_store("city");
+  fill(config, *message.mutable_start_job());
+  EXPECT_TRUE(decode_text(message).ok());
+  const TraceConfig back = to_trace_config(message.start_job());
+  EXPECT_EQ(back.query, config.query);
+  EXPECT_EQ(back.volume.method, VolumeMethod::ratio);
+  EXPECT_EQ(back.volume.step, 0.25);
+  EXPECT_EQ(back.volume.density_scale, 3);
+  EXPECT_EQ(back.volume.seed, 7u);
+  EXPECT_EQ(back.volume.majorant, 2);
+  EXPECT_EQ(back.volume.threshold, 0.5);
+  EXPECT_EQ(back.first, 9u);
+  EXPECT_TRUE(back.skips && back.masks);
+  EXPECT_EQ(back.mask, 6u);
+  EXPECT_EQ(to_trace_config(pb::StartJob()).mask, kAllMask) << "of a client that knows no masks";
+
+  message.mutable_start_job()->set_geometry_masks(3);
+  EXPECT_FALSE(decode_text(message).ok());
+  EXPECT_FALSE(decode_text(message, 8).ok());
+  EXPECT_TRUE(decode_text(message, 12).ok());
+  message.mutable_start_job()->set_geometry_masks(kMostGeometryMasks + 1);
+  EXPECT_EQ(decode_text(message, std::size_t(kMostGeometryMasks + 1) * 4).code(), ErrorCode::unsupported);
+  message.mutable_start_job()->set_geometry_masks(0);
+  message.mutable_start_job()->mutable_volume()->set_method(pb::VOLUME_METHOD_UNSPECIFIED);
+  EXPECT_FALSE(decode_text(message).ok());
+}
+
+// A chunk of lists with so many rows for each ray; the last one may go on.
+HitChunk chunk_of_lists(const std::vector<std::uint32_t>& counts, bool goes_on, std::vector<std::uint32_t>& offsets,
+                        std::vector<float>& rows) {
+  offsets = {0};
+  for (const std::uint32_t count : counts) {
+    offsets.push_back(offsets.back() + count);
+  }
+  rows.clear();
+  for (std::uint32_t row = 0; row < offsets.back(); ++row) {
+    rows.push_back(static_cast<float>(row));
+  }
+  HitChunk chunk(0, 0, HitLayout(Field::t), std::as_bytes(std::span(rows)), nullptr);
+  chunk.set_offsets(offsets, goes_on);
+  return chunk;
+}
+
+TEST(Wire, ListsAreCutIntoFramesAndComeBack) {
+  const std::vector<std::vector<std::uint32_t>> scenes = {{3},   {0, 0, 0},   {1, 0, 40, 2},
+                                                          {500}, {0, 500, 0}, {20, 0, 20, 20, 0, 1, 1, 1, 1, 1}};
+  for (const auto& counts : scenes) {
+    for (const std::size_t most_bytes : {16UL, 20UL, 100UL, 4000UL}) {
+      for (const bool goes_on : {false, true}) {
+        std::vector<std::uint32_t> offsets;
+        std::vector<float> rows, got;
+        const HitChunk chunk = chunk_of_lists(counts, goes_on, offsets, rows);
+        std::vector<std::uint32_t> got_counts(counts.size());
+        std::size_t ray = 0;
+        bool went_on = false;
+        ListCutter cutter(chunk, most_bytes);
+        while (cutter.next()) {
+          EXPECT_EQ(cutter.first(), ray);
+          EXPECT_LE(cutter.bytes(), most_bytes);
+          std::vector<std::byte> frame(cutter.bytes());
+          cutter.write(frame);
+          const auto starts = read_offsets(frame, cutter.rays(), cutter.rows(), sizeof(float));
+          ASSERT_TRUE(starts.ok());
+          for (std::size_t i = 0; i < cutter.rays(); ++i) {
+            got_counts[ray + i] += (*starts)[i + 1] - (*starts)[i];
+          }
+          const auto* values = reinterpret_cast<const float*>(frame.data() + starts->size() * sizeof(std::uint32_t));
+          got.insert(got.end(), values, values + cutter.rows());
+          went_on = cutter.goes_on();
+          ray += cutter.rays() - (went_on ? 1 : 0);
+        }
+        EXPECT_EQ(got, rows);
+        EXPECT_EQ(got_counts, counts);
+        EXPECT_EQ(went_on, goes_on);
+        EXPECT_EQ(ray, counts.size() - (goes_on ? 1 : 0));
+      }
+    }
+  }
+}
+
+TEST(Wire, ListsWhoseOffsetsLieAreRefused) {
+  const auto offsets_of = [](std::vector<std::uint32_t> words, std::uint64_t rays, std::uint64_t rows) {
+    return read_offsets(std::as_bytes(std::span(words)), rays, rows, 4).status().code();
+  };
+  EXPECT_EQ(offsets_of({0, 1, 2, 7, 8}, 2, 2), ErrorCode::ok);
+  for (const auto& words : std::vector<std::vector<std::uint32_t>>{
+           {1, 1, 2, 7, 8}, {0, 3, 2, 7, 8}, {0, 1, 1, 7, 8}, {0, 1, 3, 7, 8}, {0, 1, 2, 7}, {}}) {
+    EXPECT_EQ(offsets_of(words, 2, 2), ErrorCode::corrupt);
+  }
+  EXPECT_EQ(offsets_of({0}, 0, 0), ErrorCode::corrupt);
+  EXPECT_EQ(offsets_of({0, 0}, ~0ull, 1), ErrorCode::corrupt);
+  EXPECT_EQ(offsets_of({0, 0}, 1, ~0ull), ErrorCode::corrupt);
 }
 
 TEST(Wire, JobIdsAreSixteenHexadecimalDigits) {

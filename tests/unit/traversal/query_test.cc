@@ -10,7 +10,7 @@ namespace raymill {
 namespace {
 
 TEST(Query, NamesAreParsedBack) {
-  for (const Query query : {Query::closest, Query::any, Query::count, Query::all, Query::transmittance}) {
+  for (const Query query : {Query::closest, Query::any, Query::count, Query::all, Query::transmittance, Query::spans}) {
     EXPECT_EQ(*parse_query(to_string(query)), query);
   }
   for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
@@ -57,6 +57,8 @@ TEST(HitLayout, RowsHoldTheAskedFieldsInOrder) {
   EXPECT_EQ(HitLayout(Field::count).numpy_descr(), "'<u4'");
   EXPECT_EQ(HitLayout(Field::transmittance).row_bytes(), 4u);
   EXPECT_EQ(HitLayout(Field::transmittance).numpy_descr(), "'<f4'");
+  EXPECT_EQ(HitLayout(kSpanFields).row_bytes(), 12u);
+  EXPECT_EQ(HitLayout(kSpanFields).numpy_descr(), "[('t', '<f4'), ('t_leave', '<f4'), ('geometry_id', '<u4')]");
   EXPECT_EQ(HitLayout(Field::uv | Field::normal).numpy_descr(),
             "[('u', '<f4'), ('v', '<f4'), ('normal', '<f4', (3,))]");
   std::vector<std::byte> row(8);

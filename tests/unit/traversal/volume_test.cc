@@ -19,6 +19,11 @@ using namespace traversal;
 
 constexpr std::uint32_t kPageBytes = 16 << 10;
 
+struct Span {
+  float begin, end;
+  bool operator==(const Span&) const = default;
+};
+
 // A volume in memory, all of its pages resident.
 class Resident {
  public:
@@ -33,6 +38,14 @@ class Resident {
   [[nodiscard]] const BuiltVolume& built() const { return built_; }
 
   Hit run(Query query, const VolumeConfig& config, const Ray& ray, bool lone_items = false) {
+    spans_.clear();
+    CrossingBuffer crossings{.room = room_, .owner = &spans_};
+    crossings.take = [](void* to, std::span<const Crossing> some) {
+      auto& spans = *static_cast<std::vector<Span>*>(to);
+      for (const Crossing& crossing : some) {
+        spans.push_back({crossing.hit.t, crossing.hit.u});
+      }
+    };
     RayState state;
     state.org = ray.org;
     state.dir = ray.dir;
@@ -42,19 +55,27 @@ class Resident {
     context.images = images_.data();
     context.touched = touched_.data();
     context.lone_items = lone_items;
+    context.crossings = &crossings;
     begin_volumes(query, config, context.volumes, state);
     for (int i = 0; i < 100000 && !state.done; ++i) {
       run_volumes(context, {&state, 1});
     }
     EXPECT_TRUE(state.done);
     EXPECT_FALSE(context.corrupt);
+    crossings.empty();
     return state.hit;
+  }
+  std::vector<Span> spans(double threshold, const Ray& ray, bool lone_items = false) {
+    run(Query::spans, {.threshold = threshold}, ray, lone_items);
+    return spans_;
   }
 
  private:
   BuiltVolume built_;
   std::vector<std::atomic<const std::byte*>> images_;
   std::vector<std::atomic<std::uint8_t>> touched_;
+  std::array<Crossing, 2> room_;  // few, so that it is emptied on the way
+  std::vector<Span> spans_;
 };
 
 VolumeConfig march(double step) { return {.method = VolumeMethod::march, .step = step}; }
@@ -159,6 +180,68 @@ TEST(VolumeKernel, LevelSetIsHitWhereTheFieldChangesItsSign) {
   EXPECT_GT(hits, 15);
 }
 
+// Whether the field at samples all along the way is above the threshold where spans say so; those that lie on it count
+// for both.
+bool agree(const std::vector<Span>& spans, const TestVolume& fog, const Ray& ray, double threshold) {
+  constexpr int kSamples = 2000;
+  const Way way = way_through(fog, ray);
+  std::size_t next = 0;
+  for (int i = 0; i < kSamples && way.begin < way.end; ++i) {
+    const double t = way.begin + (i + 0.5) * (way.end - way.begin) / kSamples;
+    while (next < spans.size() && spans[next].end < t) {
+      ++next;
+    }
+    const bool inside = next < spans.size() && spans[next].begin <= t;
+    const double above = field_at(fog, ray, t) - threshold;
+    if (std::fabs(above) > 1e-4 && inside != (above > 0)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+TEST(VolumeKernel, SpansAreWhereTheFieldIsAboveTheThreshold) {
+  const TestVolume fog = wavy_fog(50);
+  Resident resident(fog);
+  std::size_t most = 0, total = 0;
+  for (const Ray& ray : rays_through(fog, 100, 8)) {
+    const Way way = way_through(fog, ray);
+    for (const double threshold : {0.0, 0.25, 0.5}) {
+      const std::vector<Span> spans = resident.spans(threshold, ray);
+      EXPECT_TRUE(agree(spans, fog, ray, threshold));
+      for (std::size_t i = 0; i < spans.size(); ++i) {
+        EXPECT_LE(spans[i].begin, spans[i].end);
+        EXPECT_TRUE(i == 0 || spans[i - 1].end < spans[i].begin);
+        for (const float t : {spans[i].begin, spans[i].end}) {
+          const bool is_cut = std::fabs(t - way.begin) < 1e-5 || std::fabs(t - way.end) < 1e-5;
+          EXPECT_TRUE(is_cut || std::fabs(field_at(fog, ray, t) - threshold) < 1e-4) << t;
+        }
+      }
+      most = std::max(most, spans.size());
+      total += spans.size();
+    }
+  }
+  EXPECT_GT(most, 3U);
+  EXPECT_GT(total, 150U);
+}
+
+TEST(VolumeKernel, ASpanGoesOnFromBrickToBrickAndEndsWithTheRay) {
+  TestVolume fog = wavy_fog(50);
+  fog.value = [](int, int, int) { return 0.5F; };
+  Resident resident(fog);
+  for (const Ray& ray : rays_through(fog, 40, 9)) {
+    const Way way = way_through(fog, ray);
+    const std::vector<Span> spans = resident.spans(0.4, ray);
+    EXPECT_EQ(spans, resident.spans(0.4, ray, true));
+    EXPECT_TRUE(resident.spans(0.5, ray).empty()) << "what equals the threshold is not above it";
+    ASSERT_EQ(spans.size(), way.begin < way.end ? 1U : 0U);
+    if (!spans.empty()) {
+      EXPECT_NEAR(spans[0].begin, way.begin, 1e-6);
+      EXPECT_NEAR(spans[0].end, way.end, 1e-6 * way.end);
+    }
+  }
+}
+
 TEST(VolumeKernel, WaitingAtEveryItemChangesNoBit) {
   const TestVolume fog = wavy_fog(50), surface = ball(48, {0.5, 0.45, 0.52}, 0.3);
   Resident in_fog(fog), at_surface(surface);
@@ -166,6 +249,7 @@ TEST(VolumeKernel, WaitingAtEveryItemChangesNoBit) {
     for (const VolumeConfig& config : {VolumeConfig(), march(0.05), ratio(7)}) {
       EXPECT_EQ(in_fog.run(Query::transmittance, config, ray, true).t, in_fog.run(Query::transmittance, config, ray).t);
     }
+    EXPECT_EQ(in_fog.spans(0.4, ray, true), in_fog.spans(0.4, ray));
   }
   for (const Ray& ray : rays_through(surface, 60, 7)) {
     EXPECT_EQ(at_surface.run(Query::closest, {}, ray, true).t, at_surface.run(Query::closest, {}, ray).t);
@@ -221,6 +305,54 @@ TEST(VolumeStore, AnswersDependNeitherOnMemoryNorOnThreadsNorOnTheSchedule) {
     setup.engine.adversarial = true;
     EXPECT_EQ(trace(store, std::span(rays).first(30), setup).rows, plenty.rows.substr(0, plenty.rows.size() / 20));
   }
+}
+
+TEST(VolumeStore, SpansDependNeitherOnMemoryNorOnThreadsNorOnTheSchedule) {
+  const TempFolder folder;
+  const TestVolume fog = wavy_fog(100), other = wavy_fog(60);
+  const std::string store = build_volumes(
+      folder, "two.mill", {write_volume_file(folder, "fog.vdb", fog), write_volume_file(folder, "other.vdb", other)});
+  std::vector<Ray> rays = rays_through(fog, 400, 10);
+  rays[3].dir = {0, 0, 0};
+  TraceSetup setup;
+  setup.trace.query = Query::spans;
+  setup.trace.volume.threshold = 0.3;
+  const Traced plenty = trace(store, rays, setup);
+  ASSERT_TRUE(plenty.status.ok()) << plenty.status.message();
+  ASSERT_EQ(plenty.offsets.size(), rays.size() + 1);
+  EXPECT_EQ(plenty.offsets[4], plenty.offsets[3]) << "an invalid ray has none";
+  EXPECT_EQ(plenty.stats.crossings, plenty.hits.size());
+  std::uint64_t of_other = 0;
+  for (std::size_t ray = 0; ray < rays.size(); ++ray) {
+    for (std::size_t i = plenty.offsets[ray]; i < plenty.offsets[ray + 1]; ++i) {
+      of_other += plenty.hits[i].geometry_id;
+      EXPECT_TRUE(i == plenty.offsets[ray] || plenty.hits[i - 1].t <= plenty.hits[i].t);
+    }
+  }
+  EXPECT_GT(of_other, 50U);
+  EXPECT_GT(plenty.hits.size() - of_other, 50U);
+
+  TraceSetup varied = setup;
+  const Traced least = trace_with_least_memory(store, rays, varied);
+  EXPECT_GT(least.stats.evictions, 0U);
+  EXPECT_EQ(least.rows, plenty.rows) << least.status.message();
+  EXPECT_EQ(least.offsets, plenty.offsets);
+  varied.engine.threads = 3;
+  EXPECT_EQ(trace(store, rays, varied).rows, plenty.rows);
+  varied.engine.adversarial = true;
+  EXPECT_EQ(trace(store, std::span(rays).first(20), varied).rows, plenty.rows.substr(0, 12 * plenty.offsets[20]));
+
+  setup.trace.first = 1;
+  const Traced first = trace(store, rays, setup);
+  for (std::size_t ray = 0; ray < rays.size(); ++ray) {
+    const bool any = plenty.offsets[ray] < plenty.offsets[ray + 1];
+    ASSERT_EQ(first.offsets[ray + 1] - first.offsets[ray], any ? 1U : 0U);
+    EXPECT_TRUE(!any || first.hits[first.offsets[ray]].u == plenty.hits[plenty.offsets[ray]].u);
+  }
+  setup.trace.first = 0;
+  setup.trace.mask = 1;
+  setup.trace.geometry_masks = std::make_shared<const std::vector<std::uint32_t>>(std::vector<std::uint32_t>{2, 1});
+  EXPECT_EQ(trace(store, rays, setup).hits.size(), of_other) << "the mask leaves the first fog out";
 }
 
 TEST(VolumeStore, NearestOfTrianglesAndLevelSetsWins) {

@@ -12,6 +12,9 @@
 namespace raymill::client {
 namespace {
 
+// Of what fog lets pass before a surface, and before none.
+constexpr float kVeiled = 0.25F, kFaint = 0.75F;
+
 // The ground y = 0 up to |x|, |z| <= 10 and a ceiling above a half of it; answers in chunks of 1000 rows.
 class RoomStore final : public Store {
  public:
@@ -59,6 +62,9 @@ class RoomStore final : public Store {
       for (std::size_t i = 0; i < count; ++i) {
         Hit hit = intersect(rays_[first_ + i]);
         hit.t = query_ == Query::any && std::isfinite(hit.t) ? 0 : hit.t;
+        if (query_ == Query::transmittance) {
+          hit.t = std::isfinite(rays_[first_ + i].tfar) ? kVeiled : kFaint;
+        }
         layout_.write(hit, rows_.data() + i * layout_.row_bytes());
       }
       first_ += count;
@@ -86,13 +92,15 @@ class RoomStore final : public Store {
   };
 };
 
-std::vector<float> picture(View view, std::uint32_t spp, std::uint64_t memory_bytes, std::uint64_t seed = 1) {
+std::vector<float> picture(View view, std::uint32_t spp, std::uint64_t memory_bytes, std::uint64_t seed = 1,
+                           double fog_density = 0) {
   RenderConfig config;
   config.view = view;
   config.extent = {.width = 120, .height = 90};
   config.spp = spp;
   config.seed = seed;
   config.ao_radius = 4;
+  config.fog_density = fog_density;
   config.memory_bytes = memory_bytes;
   Renderer renderer(config);
   renderer.set_camera(*look_at({0, 2, 9}, {0, 1, 0}, 1.0));
@@ -139,6 +147,22 @@ TEST(Renderer, DepthIsADistanceAndNormalsAreUnit) {
   for (std::size_t i = 0; i < depth.size(); ++i) {
     EXPECT_EQ(normal[3 * i + 1], std::isfinite(depth[i]) ? 1 : 0);
   }
+}
+
+TEST(Renderer, FogVeilsWhatIsBehindIt) {
+  const auto depth = picture(View::depth, 1, 1 << 20);
+  const auto clear = picture(View::ao, 1, 4 << 20), veiled = picture(View::ao, 1, 4 << 20, 1, 2.0);
+  EXPECT_EQ(veiled, picture(View::ao, 1, 0, 1, 2.0)) << "memory changes nothing";
+  std::size_t near = 0;
+  for (std::size_t i = 0; i < clear.size(); ++i) {
+    const float behind = veiled[i] - kVeiled * clear[i], beyond = veiled[i] - kFaint * clear[i];
+    // A half of what does not shine through; at edges a sample may see another surface than the pixel's middle.
+    const bool is_surface = std::fabs(behind - (1 - kVeiled) / 2) < 1e-6F;
+    EXPECT_TRUE(is_surface || std::fabs(beyond - (1 - kFaint) / 2) < 1e-6F);
+    near += is_surface == std::isfinite(depth[i]) ? 1 : 0;
+  }
+  EXPECT_GT(near, clear.size() * 9 / 10);
+  EXPECT_NE(picture(View::path, 1, 4 << 20), picture(View::path, 1, 4 << 20, 1, 2.0));
 }
 
 TEST(Renderer, OcclusionIsAShareThatTheCeilingLowers) {

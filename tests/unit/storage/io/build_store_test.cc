@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
+#include "storage/io/store_costs.h"
+#include "storage/io/store_file.h"
 #include "tests/support/stores.h"
 
 namespace raymill {
@@ -168,6 +171,69 @@ TEST(Inspect, ShowsNodesAndTrianglesOfAPage) {
   EXPECT_EQ(json["codec"], "zstd");
   EXPECT_EQ(json["triangle_list"].size(), 2u);
   EXPECT_EQ(inspect_page(path, 1).status().code(), ErrorCode::invalid_argument);
+}
+
+// A store of two triangles, placed so often.
+std::string build_placed(const TempFolder& folder, int times) {
+  BuildConfig config = tests::small_pages();
+  config.output = folder / "placed.mill";
+  auto writer = StoreWriter::create(config);
+  EXPECT_TRUE(writer.ok()) << writer.status().message();
+  const std::vector<float> positions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+  const std::vector<std::uint32_t> indices = {0, 1, 2, 0, 2, 3};
+  const MeshView mesh{.name = "tile", .positions = positions, .indices = indices};
+  const auto object = writer->add_object({&mesh, 1});
+  EXPECT_TRUE(object.ok()) << object.status().message();
+  std::array<double, 16> matrix = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  for (int i = 0; i < times; ++i) {
+    matrix[12] = 2 * i;
+    EXPECT_TRUE(writer->place(*object, matrix).ok());
+  }
+  const auto report = writer->finish();
+  EXPECT_TRUE(report.ok()) << report.status().message();
+  return config.output;
+}
+
+TEST(Costs, OfFeaturesAddUpToTheStore) {
+  const TempFolder folder;
+  BuildConfig lattice = tests::small_pages();
+  lattice.positions = "lattice:0.001";
+  const std::vector<std::pair<std::string, std::vector<std::string>>> stores = {
+      {tests::build_store(folder, "one.mill", {tests::grid(9)}), {"triangles", "file"}},
+      {tests::build_store(folder, "three.mill", some_scene(), lattice),
+       {"triangles", "geometry_ids", "lattice", "file"}},
+      {build_placed(folder, 700), {"triangles", "geometry_ids", "instances", "file"}}};
+  for (const auto& [path, features] : stores) {
+    const auto costs = store_costs(path);
+    ASSERT_TRUE(costs.ok()) << costs.status().message();
+    storage::Ledger ledger(gibibytes(1));
+    const auto file = storage::StoreFile::open(path, ledger);
+    ASSERT_TRUE(file.ok());
+    std::vector<std::string> names;
+    std::uint64_t pages = 0, store_bytes = 0, decoded_bytes = 0;
+    for (const FeatureCost& cost : *costs) {
+      names.push_back(cost.feature);
+      pages += cost.pages;
+      store_bytes += cost.store_bytes.value_or(0);
+      decoded_bytes += cost.decoded_bytes;
+      if (cost.feature == "instances") {
+        EXPECT_EQ(cost.decoded_bytes, 700u * 136);
+      }
+    }
+    EXPECT_EQ(names, features);
+    EXPECT_EQ(pages, (*file)->page_count());
+    EXPECT_EQ(store_bytes, (*file)->footer().file_bytes);
+    EXPECT_EQ(decoded_bytes, (*file)->footer().decoded_bytes);
+  }
+}
+
+TEST(Costs, OfAPageThatIsNoneAreRefused) {
+  const TempFolder folder;
+  const std::string path = tests::build_store(folder, "scene.mill", some_scene());
+  tests::flip(path, sizeof(storage::StoreHeader), 0x80);  // the first page's type
+  const auto costs = store_costs(path);
+  EXPECT_EQ(costs.status().code(), ErrorCode::corrupt);
+  EXPECT_NE(costs.status().message().find("page "), std::string::npos) << costs.status().message();
 }
 
 }  // namespace

@@ -1,0 +1,104 @@
+#include "storage/io/store_costs.h"
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <span>
+#include <utility>
+
+#include "storage/base/aligned.h"
+#include "storage/io/store_file.h"
+#include "storage/pages/codec.h"
+#include "storage/volume/volume_page.h"
+
+namespace raymill {
+namespace {
+
+using namespace storage;
+
+constexpr std::uint64_t kLookBudgetBytes = gibibytes(4);
+// Blocks that hold a page's head, wherever in the first one it begins.
+constexpr std::uint64_t kHeadBytes = 2 * kDirectBlockBytes;
+static_assert(sizeof(EncodedHeader) <= kDirectBlockBytes);
+
+using HeadBuffer = std::vector<std::byte, AlignedAllocator<std::byte, kDirectBlockBytes>>;
+
+// What pages hold, summed.
+struct Sums {
+  std::uint64_t triangle_pages = 0, triangle_store = 0, triangle_decoded = 0;
+  std::uint64_t volume_pages = 0, volume_store = 0, volume_decoded = 0;
+  std::uint64_t geometry_bytes = 0, instance_bytes = 0;
+};
+
+Result<EncodedHeader> read_head(const StoreFile& store, PageId page, HeadBuffer& buffer) {
+  PageBlocks blocks = store.blocks_of(page);
+  blocks.bytes = std::min(blocks.bytes, kHeadBytes);
+  EncodedHeader head;
+  if (store.read_blocks(blocks, buffer) < blocks.skipped + sizeof head) {
+    return store.page_fault(page, {ErrorCode::io, "cannot be read; the file may be cut short, or the disk be failing"});
+  }
+  std::memcpy(&head, buffer.data() + blocks.skipped, sizeof head);
+  const bool known =
+      head.page_type == kPageTypeVolume || (head.page_type == kPageTypeTriangles && head.geometry_index_bytes <= 2);
+  if (!known) {
+    return store.page_fault(page, {ErrorCode::corrupt, "begins with no page's head; build the store again"});
+  }
+  return head;
+}
+
+Status add_page(const StoreFile& store, PageId page, HeadBuffer& buffer, Sums& sums) {
+  const PageEntry& entry = store.entry(page);
+  RAYMILL_ASSIGN_OR_RETURN(const EncodedHeader head, read_head(store, page, buffer));
+  if (head.page_type == kPageTypeVolume) {
+    ++sums.volume_pages;
+    sums.volume_store += entry.encoded_bytes;
+    sums.volume_decoded += entry.decoded_bytes;
+    return {};
+  }
+  const std::uint64_t geometries = std::uint64_t(head.geometry_count) * sizeof(std::uint32_t) +
+                                   std::uint64_t(head.triangle_count) * head.geometry_index_bytes;
+  const std::uint64_t instances = std::uint64_t(head.instance_count) * sizeof(Instance);
+  if (geometries + instances > entry.decoded_bytes) {
+    return store.page_fault(page, {ErrorCode::corrupt, "has a head that asks for more than the page; build it again"});
+  }
+  ++sums.triangle_pages;
+  sums.triangle_store += entry.encoded_bytes;
+  sums.triangle_decoded += entry.decoded_bytes - geometries - instances;
+  sums.geometry_bytes += geometries;
+  sums.instance_bytes += instances;
+  return {};
+}
+
+}  // namespace
+
+Result<std::vector<FeatureCost>> store_costs(const std::string& path) {
+  Ledger ledger(kLookBudgetBytes);
+  RAYMILL_ASSIGN_OR_RETURN(const std::shared_ptr<const StoreFile> store, StoreFile::open(path, ledger));
+  HeadBuffer buffer(kHeadBytes);
+  Sums sums;
+  for (std::uint32_t i = 0; i < store->page_count(); ++i) {
+    RAYMILL_RETURN_IF_ERROR(add_page(*store, PageId{i}, buffer, sums));
+  }
+  std::vector<FeatureCost> costs;
+  const auto has = [&](Feature feature) {
+    return (store->header().features & static_cast<std::uint64_t>(feature)) != 0;
+  };
+  if (!has(Feature::geometry_ids)) {
+    sums.triangle_decoded += std::exchange(sums.geometry_bytes, 0);  // the one id that every page names
+  }
+  const auto add = [&](Feature feature, const FeatureCost& cost) {
+    if (has(feature)) {
+      costs.push_back(cost);
+    }
+  };
+  add(Feature::triangles, {"triangles", sums.triangle_pages, sums.triangle_store, sums.triangle_decoded});
+  add(Feature::geometry_ids, {"geometry_ids", 0, {}, sums.geometry_bytes});
+  // Corners on the lattice stand in memory like others.
+  add(Feature::lattice, {"lattice", 0, {}, 0});
+  add(Feature::instances, {"instances", 0, {}, sums.instance_bytes});
+  add(Feature::volumes, {"volumes", sums.volume_pages, sums.volume_store, sums.volume_decoded});
+  costs.push_back({"file", 0, store->footer().file_bytes - sums.triangle_store - sums.volume_store, 0});
+  return costs;
+}
+
+}  // namespace raymill
