@@ -62,7 +62,7 @@ def make_rays(triangles, count, seed):
 class Trial:
     def __init__(self, options, folder):
         self.options, self.folder, self.failures = options, folder, []
-        self.rays = 20_000 if options.short else 1_000_000
+        self.rays = 4000 if options.short else 1_000_000
         self.table = Table(scene=24, rays=9, triangles=10, masked=10, cut=9, wrong=7, ties=6, Mrays=7, opaque=7,
                            texels=9, B_tri=7)
 
@@ -137,7 +137,7 @@ class Trial:
             little = info["least_memory_bytes"] + info["decoded_bytes"] // share
             ways[f"1/{share} of memory"] = ["--memory", little]
         few = self.folder / "few.npy"
-        np.save(few, np.load(path)[:2000 if self.options.short else 20_000])
+        np.save(few, np.load(path)[:500 if self.options.short else 20_000])
         for way, words in ways.items():
             again, stats = self.trace(store, path, *words)
             self.check(f"{name}, {way}: the same bytes ({stats['pages_read']} pages read)",
@@ -207,7 +207,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--raymill", required=True, type=lambda path: pathlib.Path(path).resolve())
     parser.add_argument("--reference", required=True, type=lambda path: pathlib.Path(path).resolve())
-    parser.add_argument("--short", action="store_true", help="the form that ctest runs: 20000 rays, the small scenes")
+    parser.add_argument("--short", action="store_true", help="the form that ctest runs: 4000 rays, the small scenes")
     parser.add_argument("--only", help="of the scenes' names")
     options = parser.parse_args()
     scenes = scenes_folder()

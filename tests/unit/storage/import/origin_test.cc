@@ -66,7 +66,8 @@ TEST(Origin, IsSubtractedFromWhatAGltfPlaces) {
 
 // Of which float32 in world space would leave no triangle.
 TEST(Origin, OfASceneThatIsSmallForWhereItLies) {
-  const std::string tiny = "v 4500000.001 0 -7\nv 4500000.002 0.001 -7\nv 4500000.003 0 -7.001\nf 1 2 3\n";
+  const std::string tiny =
+      "v 4500000.001 4500000.001 -7\nv 4500000.002 4500000.002 -7\nv 4500000.003 4500000.001 -7.001\nf 1 2 3\n";
   const Origin origin = chosen("a.obj", tiny);
   EXPECT_NEAR(origin.position()[0], 4500000.002, 0.004);
   EXPECT_EQ(imported_about("a.obj", tiny, origin.position()).triangles.size(), 1U);
