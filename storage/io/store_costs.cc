@@ -96,7 +96,6 @@ Status add_page(const StoreFile& store, PageId page, HeadBuffer& buffer, Sums& s
     sums.mask_decoded += entry.decoded_bytes;
     return {};
   }
-  const std::uint64_t before_masks = const std::uint64_t geometries =
       std::uint64_t(head.geometry_count) * sizeof(std::uint32_t) +
       std::uint64_t(head.triangle_count) * head.geometry_index_bytes;
   const std::uint64_t instances = std::uint64_t(head.instance_count) * sizeof(Instance);
