@@ -96,8 +96,8 @@ Status add_page(const StoreFile& store, PageId page, HeadBuffer& buffer, Sums& s
     sums.mask_decoded += entry.decoded_bytes;
     return {};
   }
-      std::uint64_t(head.geometry_count) * sizeof(std::uint32_t) +
-      std::uint64_t(head.triangle_count) * head.geometry_index_bytes;
+  const std::uint64_t geometries = std::uint64_t(head.geometry_count) * sizeof(std::uint32_t) +
+                                   std::uint64_t(head.triangle_count) * head.geometry_index_bytes;
   const std::uint64_t instances = std::uint64_t(head.instance_count) * sizeof(Instance);
   const std::uint64_t section = head.page_type == kPageTypeMasked ? section_bytes(head, heads.masks) : 0;
   const std::uint64_t proxies =
