@@ -2,12 +2,10 @@
 // place where it is said and done.
 //
 // - org: org - origin, exactly, then to the nearest float32, ties to even. So a ray starts up to half a unit in the
-// last
-//   place of its distance from the origin away from where it should: 3 cm at 10^6 m from the world's zero, and half a
-//   micrometre 10 m from the store's origin, wherever in the world that lies.
+//   last place of its distance from the origin away from where it should: 3 cm at 10^6 m from the world's zero, and
+//   half a micrometre 10 m from the store's origin, wherever in the world that lies.
 // - dir: each component to the nearest float32: it turns by up to 2^-24. It is not scaled, so t counts in lengths of
-// dir
-//   as it did.
+//   dir as it did.
 // - tnear up and tfar down: the float32 interval lies in the float64 one, so every hit has tnear <= t <= tfar in the
 //   numbers of the file. Where no float32 lies between them, both go to the nearest, and t is within half a unit in the
 //   last place of the interval.
