@@ -120,7 +120,7 @@ Result<TriangleWriter::Faces> GltfMasks::begin(int mesh, std::size_t primitive, 
 Result<GltfMasks::Faces> GltfMasks::make_faces(const PrimitiveMaterial& source, const MaterialMask& material,
                                                const tinygltf::Primitive& primitive) {
   Faces faces;
-  const auto index = static_cast<std::size_t>(source.material);
+  const std::size_t index = first_alike(material, static_cast<std::size_t>(source.material));
   RAYMILL_ASSIGN_OR_RETURN(MaskCorners corners, MaskCorners::read({config_.document, config_.buffers, config_.ledger},
                                                                   source, material, primitive));
   const bool as_values = corners.has_alphas();
@@ -150,6 +150,11 @@ Result<GltfMasks::Faces> GltfMasks::make_faces(const PrimitiveMaterial& source, 
   faces.known = {&config_.sink, writer.first, writer.count, false};
   faces.masked = writer.masked;
   return faces;
+}
+
+std::size_t GltfMasks::first_alike(const MaterialMask& material, std::size_t index) {
+  const MaskLook look{material.image, material.wrap_s, material.wrap_t, material.factor, material.cutoff};
+  return alike_.try_emplace(look, index).first->second;
 }
 
 Result<const AlphaMap*> GltfMasks::alpha_of(const MaterialMask& material, std::size_t index, bool as_values) {

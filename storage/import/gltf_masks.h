@@ -11,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "storage/base/status.h"
@@ -48,15 +49,19 @@ class GltfMasks {
     bool masked = false;  ///< some are cut out in part
   };
   using MaskKey = std::pair<int, std::pair<bool, std::size_t>>;  // image, whether texels have values, material
+  using MaskLook = std::tuple<int, Wrap, Wrap, double, double>;  // image, wraps, factor, cutoff
 
   Result<Faces> make_faces(const PrimitiveMaterial& source, const MaterialMask& material,
                            const tinygltf::Primitive& primitive);
+  /// The first of the materials that cut alike, so that they share a mask.
+  std::size_t first_alike(const MaterialMask& material, std::size_t index);
   /// The material's alpha, or what stands for one that is 1 everywhere.
   Result<const AlphaMap*> alpha_of(const MaterialMask& material, std::size_t index, bool as_values);
   Result<std::optional<HeldMask>> read_image(const MaterialMask& material, const MaskInfo& like, bool as_values);
 
   const Config config_;
   std::map<std::pair<int, std::size_t>, Faces> made_;  // by mesh and primitive
+  std::map<MaskLook, std::size_t> alike_;              // the first material that has it
   MaskKey held_key_{-1, {false, 0}};
   HeldMask held_;
   std::map<MaskKey, std::uint32_t> numbers_;  // of masks that the sink has

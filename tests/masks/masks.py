@@ -179,7 +179,7 @@ class Trial:
 
     def made(self):
         for seed in (1,) if self.options.short else (1, 2, 3):
-            scene = make_scene(self.folder, seed, 12 if self.options.short else 24)
+            scene = make_scene(self.folder, seed, 8 if self.options.short else 24)
             words = ("--blend-as-mask", "0.4", "--cull-back-faces")
             store, path, hits = self.scene(f"made {seed}", scene, *words, blend_cutoff=0.4, one_side=True)
             self.modes(f"made {seed}", scene, store, path, hits, *words)

@@ -198,7 +198,7 @@ def parse():
     options.add_argument("--most-units", type=float, default=4, help="see 3 (%(default)s)")
     options = options.parse_args()
     if options.short:
-        options.woods, options.woods_meshes, options.rays, options.adversarial = "1M", "20", "20k", 2000
+        options.woods, options.woods_meshes, options.rays, options.adversarial = "500k", "10", "10k", 1000
         options.in_flight = None
     return options
 
