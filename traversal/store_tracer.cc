@@ -410,7 +410,14 @@ Result<bool> StoreTracer::settle(Worker& worker, TraceJob& job) {
     for (; i < worker.parked.size() && worker.parked[i].first == index_of(page); ++i) {
       const RayState& ray = worker.rays[worker.parked[i].second];
       std::byte* record = job.waiting->append(page, layout.bytes(ray));
-      assert(record != nullptr);
+      if (record == nullptr) {
+        // The promises to batches in hand did not hold.
+        if (i > begin) {
+          scheduler_.add(page, static_cast<std::uint32_t>(i - begin), state_of(page));
+        }
+        return Status(ErrorCode::budget_exceeded,
+                      file_->path() + ": the memory for waiting rays ran out; give --memory some MiB more");
+      }
       layout.pack(ray, record);
     }
     scheduler_.add(page, static_cast<std::uint32_t>(i - begin), state_of(page));
