@@ -22,18 +22,11 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "trial"))
 import bad_textures  # noqa: E402
 from gltf_triangles import read_scene, write_scene  # noqa: E402
 from made_scene import make_scene  # noqa: E402
-from support import Table, scenes_folder  # noqa: E402
+from support import Table, run, scenes_folder  # noqa: E402
 
 ANSWER = np.dtype([("t", "<f8"), ("geometry_id", "<u4"), ("primitive_id", "<u4")])
 SCENES = {"torque_forest": "torque_forest.glb", "banana_tree": "scene.gltf",
           "alpha_blend_mode_test": "AlphaBlendModeTest.glb"}
-
-
-def run(*words, rc=0):
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
-    if done.returncode != rc:
-        raise SystemExit(f"{' '.join(map(str, words))}\n  ended with {done.returncode}, not {rc}: {done.stderr}")
-    return done
 
 
 def make_rays(triangles, count, seed):

@@ -86,8 +86,8 @@ class Run:
         return self
 
 
-def run(*command, **options):
-    return Run(command, **options).need()
+def run(*command, rc=0, **options):
+    return Run(command, **options).need(rc)
 
 
 def run_json(*command):

@@ -12,23 +12,15 @@ import argparse
 import json
 import os
 import pathlib
-import subprocess
 import sys
 import tempfile
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "trial"))
-from support import Server, scenes_folder  # noqa: E402
+from support import Server, run, scenes_folder  # noqa: E402
 
 BAD_INPUT = 42
-
-
-def run(*words, rc=0):
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
-    if done.returncode != rc:
-        raise SystemExit(f"{' '.join(map(str, words))}\n  ended with {done.returncode}, not {rc}: {done.stderr}")
-    return done
 
 
 def make_rays(info, count, seed):
