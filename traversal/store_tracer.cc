@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cassert>
 #include <optional>
 
 #include "storage/io/volume_table.h"
