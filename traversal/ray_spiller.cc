@@ -71,11 +71,16 @@ bool RaySpiller::may_have_work() const {
   });
 }
 
-bool RaySpiller::may_go(const TraceJob& job, std::uint32_t group) const {
-  const std::uint32_t pages = tracer_.plan_.group_pages;
-  const std::uint32_t begin = group * pages, end = std::min(begin + pages, tracer_.file_->page_count());
+bool RaySpiller::may_go(storage::PageId page, Pages pages) const {
+  return pages == Pages::all || tracer_.cache_->absent(page);
+}
+
+bool RaySpiller::any_may_go(const TraceJob& job, std::uint32_t group, Pages pages) const {
+  const std::uint32_t group_pages = tracer_.plan_.group_pages;
+  const std::uint32_t begin = group * group_pages;
+  const std::uint32_t end = std::min(begin + group_pages, tracer_.file_->page_count());
   for (std::uint32_t page = begin; page < end; ++page) {
-    if (job.waiting->count(storage::PageId{page}) > 0 && tracer_.cache_->absent(storage::PageId{page})) {
+    if (job.waiting->count(storage::PageId{page}) > 0 && may_go(storage::PageId{page}, pages)) {
       return true;
     }
   }
@@ -83,25 +88,24 @@ bool RaySpiller::may_go(const TraceJob& job, std::uint32_t group) const {
 }
 
 // The group with the most rays in memory; the active one only where no other has enough.
-std::optional<std::uint32_t> RaySpiller::fullest_group(const TraceJob& job) const {
+std::optional<std::uint32_t> RaySpiller::fullest_group(const TraceJob& job, Pages pages) const {
   const std::uint32_t active = tracer_.turns_->active();
   std::optional<std::uint32_t> fullest;
   std::uint32_t most = 0;
   for (std::uint32_t group = 0; group < job.waiting->group_count(); ++group) {
     const std::uint32_t rays = job.waiting->memory_rays(group);
-    if (group != active && rays > most && may_go(job, group)) {
+    if (group != active && rays > most && any_may_go(job, group, pages)) {
       most = rays;
       fullest = group;
     }
   }
-  if (most < kLeastSent && active != GroupTurns::kNone && !wants_room_ && job.waiting->memory_rays(active) > most &&
-      may_go(job, active)) {
+  const bool active_may = pages == Pages::all || !wants_room_;
+  if (most < kLeastSent && active != GroupTurns::kNone && active_may && job.waiting->memory_rays(active) > most &&
+      any_may_go(job, active, pages)) {
     return active;
   }
   return fullest;
 }
-
-bool RaySpiller::can_relieve(const TraceJob& job) const { return sending_ == &job || fullest_group(job).has_value(); }
 
 bool RaySpiller::has_room_for(const Turn& turn) const {
   const WaitingRays& waiting = *turn.job->waiting;
@@ -132,8 +136,13 @@ std::optional<RaySpiller::Turn> RaySpiller::next_out() const {
       forced = true;
     }
     if (job->status.ok() && free_chunks < needed && (forced || !reads_help)) {
-      if (const auto group = fullest_group(*job)) {
-        return Turn{job, *group};
+      // Batches in hand may give back what they were promised.
+      const bool stuck = free_chunks < kLeastRoom && job->batches_out == 0;
+      for (const Pages pages : {Pages::absent, Pages::all}) {
+        const auto group = pages == Pages::absent || stuck ? fullest_group(*job, pages) : std::nullopt;
+        if (group) {
+          return Turn{job, *group, pages};
+        }
       }
     }
   }
@@ -174,11 +183,10 @@ void RaySpiller::end_transfer(const Turn& turn, const Status& status) {
 void RaySpiller::send(const Turn& turn, std::unique_lock<std::mutex>& lock) {
   WaitingRays& waiting = *turn.job->waiting;
   WaitingRays::Parcel parcel =
-      waiting.detach(turn.group, [&](storage::PageId page) { return tracer_.cache_->absent(page); });
+      waiting.detach(turn.group, [&](storage::PageId page) { return may_go(page, turn.pages); });
   for (const WaitingRays::Part& part : parcel.parts) {
     tracer_.scheduler_.remove(part.page, part.rays.count);
   }
-  sending_ = turn.job.get();
   lock.unlock();
   const auto begin = Timeline::Clock::now();
   const Status status = waiting.store(parcel, buffer());
@@ -186,7 +194,6 @@ void RaySpiller::send(const Turn& turn, std::unique_lock<std::mutex>& lock) {
     tracer_.config_.timeline->span(kSpillLane, "rays to disk", begin, "rays", parcel.rays);
   }
   lock.lock();
-  sending_ = nullptr;
   waiting.retire(parcel);
   end_transfer(turn, status);
 }

@@ -3,6 +3,8 @@
 //   memory short        the group with the most rays in memory goes:          detach, store, retire
 //   no more rays come   the group whose turn it is (group_turns.h) comes back:  begin_fetch, fetch, accept
 //
+// Rays go whose pages are not there. Those of other pages go as well where there is no room for another batch: a record
+// may be several times as long when it comes back from one, so a job's memory can be full of rays that could run.
 // A thread of its own does the transfers: a worker never waits for a disk. Thread-safe by the tracer's mutex.
 #pragma once
 
@@ -44,20 +46,22 @@ class RaySpiller {
   void wake() { wake_.notify_one(); }
   /// False: looking would find nothing. Waking it for each batch costs more than the batch's bookkeeping.
   [[nodiscard]] bool may_have_work() const;
-  /// Whether rays of the job are under way to disk or could go there.
-  [[nodiscard]] bool can_relieve(const TraceJob& job) const;
   [[nodiscard]] std::uint64_t rays_on_disk() const;
 
  private:
+  /// Pages whose rays may go.
+  enum class Pages : std::uint8_t { absent, all };
   struct Turn {
     std::shared_ptr<TraceJob> job;
     std::uint32_t group;
+    Pages pages = Pages::absent;  ///< for rays that go
   };
   void run();
   [[nodiscard]] std::uint32_t chunks_needed(const TraceJob& job) const;
   [[nodiscard]] std::optional<Turn> next_out() const;
-  [[nodiscard]] std::optional<std::uint32_t> fullest_group(const TraceJob& job) const;
-  [[nodiscard]] bool may_go(const TraceJob& job, std::uint32_t group) const;
+  [[nodiscard]] std::optional<std::uint32_t> fullest_group(const TraceJob& job, Pages pages) const;
+  [[nodiscard]] bool may_go(storage::PageId page, Pages pages) const;
+  [[nodiscard]] bool any_may_go(const TraceJob& job, std::uint32_t group, Pages pages) const;
   [[nodiscard]] std::optional<Turn> next_in();
   [[nodiscard]] std::optional<Turn> extent_of_active() const;
   [[nodiscard]] bool has_room_for(const Turn& turn) const;
@@ -70,7 +74,6 @@ class RaySpiller {
   const storage::MappedMemory buffer_;
   std::condition_variable wake_;
   bool wants_room_ = false;  // for an extent of the active group
-  const TraceJob* sending_ = nullptr;
   bool stopping_ = false;
   std::thread thread_;
 };

@@ -71,8 +71,9 @@ Status StoreTracer::init() {
     future_demand_ = std::make_shared<FutureDemand>(file_->page_count(), file_->rules().width);
   }
   RAYMILL_ASSIGN_OR_RETURN(cache_, storage::PageCache::create(cache, ledger_));
-  RAYMILL_ASSIGN_OR_RETURN(reader_, storage::make_page_reader(file_, config_.io, plan_.read_depth, ledger_,
-                                                              [this](storage::PageArrival a) { on_arrival(a); }));
+  const auto make_reader = config_.make_reader ? config_.make_reader : storage::make_page_reader;
+  RAYMILL_ASSIGN_OR_RETURN(reader_, make_reader(file_, config_.io, plan_.read_depth, ledger_,
+                                                [this](storage::PageArrival a) { on_arrival(a); }));
   RAYMILL_ASSIGN_OR_RETURN(workers_claim_, ledger_.claim(storage::Tag::decode, plan_.worker_bytes + aside_bytes()));
   turns_ = make_turns();
   storage::MappedMemory buffer(plan_.extent_bytes);
@@ -257,14 +258,11 @@ void StoreTracer::unstall() {
   }
 }
 
-// Rays that may be taken out, each of which may come back to a chunk of its own; 0: there is no room for them. Where no
-// ray can go to disk, the rays of one chunk go on alone: kAlone chunks are kept for them.
+// Rays that may be taken out, each of which may come back to a chunk of its own; 0: there is no room for them, and the
+// spiller makes some.
 std::uint32_t StoreTracer::batch_size(const TraceJob& job) const {
   const std::uint32_t room = job.waiting->free_chunks();
-  if (room >= RaySpiller::kLeastRoom) {
-    return std::min(kBatchRays, room - kBatchSlack);
-  }
-  return job.batches_out == 0 && !spiller_->can_relieve(job) ? 1 : 0;
+  return room >= RaySpiller::kLeastRoom ? std::min(kBatchRays, room - kBatchSlack) : 0;
 }
 
 // The next job, in turn, that has what is looked for; null: none has.

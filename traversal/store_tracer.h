@@ -74,6 +74,7 @@ class StoreTracer {
     bool adversarial = false;
     std::shared_ptr<PageTrace> page_trace;  ///< none: nothing is recorded
     storage::ReaderKind io = storage::ReaderKind::automatic;
+    std::function<decltype(storage::make_page_reader)> make_reader;  ///< for tests; none: storage's
     std::string spill_directory;
     std::shared_ptr<Timeline> timeline;  ///< none: nothing is recorded
   };

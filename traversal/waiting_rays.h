@@ -58,13 +58,9 @@ class WaitingRays {
   /// Takes whole chunks until at least `rays` are out or none is left; they go back with pool().release().
   RayQueue take(storage::PageId page, std::uint32_t rays);
 
-  /// Chunks that the rays of one chunk may need when they go on alone; not counted as free.
-  static constexpr std::uint32_t kAlone = 16;
-  static_assert(kAlone >= RayPool::records_per_chunk(RecordLayout::kLeastBytes));
   /// Chunks that are neither used nor promised to rays in somebody's hands: each of those may need one.
   [[nodiscard]] std::uint32_t free_chunks() const {
-    const std::uint32_t spoken_for = promised_ + kAlone;
-    return pool_->free_chunks() > spoken_for ? pool_->free_chunks() - spoken_for : 0;
+    return pool_->free_chunks() > promised_ ? pool_->free_chunks() - promised_ : 0;
   }
   void promise(std::uint32_t chunks) { promised_ += chunks; }
   void settle(std::uint32_t chunks) { promised_ -= chunks; }
