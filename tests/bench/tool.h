@@ -1,18 +1,15 @@
-// What the benches' tools share: their call, the clock of a thread, rays and triangles from files.
+// What the benches' tools share: the clock of a thread, rays and triangles from files.
 #pragma once
 
 #include <time.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdio>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "client/cli/ray_file.h"
 #include "storage/import/scene_import.h"
-#include "traversal/simd/float_mode.h"
 
 namespace raymill::bench {
 
@@ -43,25 +40,6 @@ inline Result<std::vector<Ray>> read_rays(const std::string& path, std::size_t m
   }
   rays.resize(count);
   return rays;
-}
-
-/// Parses the call and calls run(), a Result<bool>, in our float mode; the exit code: 0; 1 where it gives false; 2 an
-/// error, which is told.
-template <typename Run>
-int run_tool(CLI::App& app, int argc, char** argv, Run&& run) {
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const traversal::IeeeScope ieee;
-  const Result<bool> result = run();
-  if (!result) {
-    std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), result.status().message().c_str());
-    return kCannotRun;
-  }
-  return *result ? 0 : 1;
 }
 
 }  // namespace raymill::bench

@@ -1,10 +1,9 @@
 // raymill-exact-oracle [--rays N] [--seed S] [--kind NAME]: mode exact against integers of any length, on adversarial
 // rays. Fails where anything differs.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 
 #include "tests/exact/comparison.h"
-#include "traversal/simd/float_mode.h"
+#include "tests/support/tool.h"
 
 namespace raymill::tests {
 namespace {
@@ -40,8 +39,7 @@ void print_line(const char* name, const Compared& compared) {
   std::fflush(stdout);
 }
 
-int run(const Options& options) {
-  const traversal::IeeeScope ieee;
+bool run(const Options& options) {
   const std::uint64_t kinds = options.kind.empty() ? kAdversaries.size() : 1;
   Compared total;
   for (std::size_t kind = 0; kind < kAdversaries.size(); ++kind) {
@@ -54,20 +52,18 @@ int run(const Options& options) {
     }
   }
   print_line("all", total);
-  return total.differences == 0 ? 0 : 1;
+  return total.differences == 0;
 }
 
 }  // namespace
 }  // namespace raymill::tests
 
 int main(int argc, char** argv) {
-  CLI::App app("Mode exact against integers of any length, on adversarial rays");
-  raymill::tests::Options options;
-  app.add_option("--rays", options.rays, "In all, in scenes of 500")->capture_default_str();
-  app.add_option("--seed", options.seed, "Of scenes and rays")->capture_default_str();
-  app.add_option("--kind", options.kind, "One kind of adversary alone")
-      ->check(CLI::IsMember(
-          std::vector<std::string>(raymill::tests::kAdversaries.begin(), raymill::tests::kAdversaries.end())));
-  CLI11_PARSE(app, argc, argv);
-  return raymill::tests::run(options);
+  using namespace raymill::tests;
+  Options options;
+  Tool tool("raymill-exact-oracle", "Mode exact against integers of any length, on adversarial rays.");
+  tool.option("--rays", options.rays, "In all, in scenes of 500");
+  tool.option("--seed", options.seed, "Of scenes and rays");
+  tool.option("--kind", options.kind, "One kind of adversary alone").one_of({kAdversaries.begin(), kAdversaries.end()});
+  return tool.run(argc, argv, [&] { return run(options); });
 }

@@ -5,19 +5,16 @@
 //   raymill-extremes --check PAGE.md   fails where the page says anything else; Embree's columns are left out, for they
 //                                      depend on the machine
 // Exit codes: 0; 1 a promise is broken, bits differ, or the page is out of date; 2 it could not be run.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
 
 #include "tests/extremes/run.h"
-#include "traversal/simd/float_mode.h"
+#include "tests/support/tool.h"
 
 namespace raymill::extremes {
 namespace {
-
-constexpr int kBroken = 1, kNoRun = 2;
 
 constexpr const char* kHead = R"(# Answers at the extremes
 
@@ -78,7 +75,7 @@ std::vector<std::string> without_embree(const std::string& page) {
   return lines;
 }
 
-int compare(const std::string& page, const std::string& path) {
+bool compare(const std::string& page, const std::string& path) {
   std::ifstream file(path);
   const std::string kept((std::istreambuf_iterator<char>(file)), {});
   const auto ours = without_embree(page), theirs = without_embree(kept);
@@ -87,47 +84,39 @@ int compare(const std::string& page, const std::string& path) {
     if (here != there) {
       std::printf("%s:%zu is out of date\n  says     %s\n  is to be %s\n", path.c_str(), i + 1, there.c_str(),
                   here.c_str());
-      return kBroken;
+      return false;
     }
   }
-  return 0;
+  return true;
 }
 
 int main(int argc, char** argv) {
-  CLI::App app("Answers at the extremes, beside Embree and float64.", "raymill-extremes");
+  tests::Tool tool("raymill-extremes", "Answers at the extremes, beside Embree and float64.");
   std::string only, write, check;
-  CLI::Option* row_option = app.add_option("--row", only, "This row alone")->type_name("ID");
-  app.add_option("--write", write, "Write the page")->type_name("PAGE.md")->excludes(row_option);
-  app.add_option("--check", check, "Compare the page, but for Embree's columns")
-      ->type_name("PAGE.md")
-      ->excludes(row_option);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kNoRun;
-  }
-  const traversal::IeeeScope ieee;
-  std::string page = kHead;
-  std::vector<std::string> problems;
-  for (const Row& row : sorted_rows()) {
-    if (only.empty() || row.id == only) {
-      const Told told = run(row);
-      problems.insert(problems.end(), told.problems.begin(), told.problems.end());
-      page += line_of(row, told);
-      std::printf("%s", line_of(row, told).c_str());
-      std::fflush(stdout);
+  const auto row_option = tool.option("--row", only, "This row alone").type("ID");
+  tool.option("--write", write, "Write the page").type("PAGE.md").excludes(row_option);
+  tool.option("--check", check, "Compare the page, but for Embree's columns").type("PAGE.md").excludes(row_option);
+  return tool.run(argc, argv, [&]() -> Result<bool> {
+    std::string page = kHead;
+    std::vector<std::string> problems;
+    for (const Row& row : sorted_rows()) {
+      if (only.empty() || row.id == only) {
+        const Told told = run(row);
+        problems.insert(problems.end(), told.problems.begin(), told.problems.end());
+        page += line_of(row, told);
+        std::printf("%s", line_of(row, told).c_str());
+        std::fflush(stdout);
+      }
     }
-  }
-  page += kTail;
-  for (const std::string& problem : problems) {
-    std::printf("FAILED: %s\n", problem.c_str());
-  }
-  if (!write.empty() && !(std::ofstream(write) << page)) {
-    std::fprintf(stderr, "raymill-extremes: cannot write %s\n", write.c_str());
-    return kNoRun;
-  }
-  const int outdated = check.empty() ? 0 : compare(page, check);
-  return problems.empty() ? outdated : kBroken;
+    page += kTail;
+    for (const std::string& problem : problems) {
+      std::printf("FAILED: %s\n", problem.c_str());
+    }
+    if (!write.empty() && !(std::ofstream(write) << page)) {
+      return {ErrorCode::io, "cannot write " + write};
+    }
+    return (check.empty() || compare(page, check)) && problems.empty();
+  });
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 // The truth is quadruple precision on the very numbers that were given: corners and rays in float64, whose differences
 // and products it holds without loss. Exit codes: 0; 1 an error is beyond its bound, bits differ between ways to bring
 // the rays, or the page is out of date; 2 it could not be run.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -21,14 +20,12 @@
 #include "tests/support/random.h"
 #include "tests/support/rays.h"
 #include "tests/support/stores.h"
+#include "tests/support/tool.h"
 #include "traversal/engine.h"
 #include "traversal/ray_rounding.h"
-#include "traversal/simd/float_mode.h"
 
 namespace raymill::extremes {
 namespace {
-
-constexpr int kBroken = 1, kNoRun = 2;
 
 __extension__ using Quad = __float128;
 using Point = std::array<double, 3>;
@@ -365,38 +362,30 @@ std::string without_embree(const std::string& page) {
 }
 
 int main(int argc, char** argv) {
-  CLI::App app("A relief of one-millimetre steps 6400 km out, by float64 rays.", "raymill-offset");
+  tests::Tool tool("raymill-offset", "A relief of one-millimetre steps 6400 km out, by float64 rays.");
   std::size_t rays = 2000;
   std::string write, check;
-  app.add_option("--rays", rays, "For each line")->capture_default_str();
-  app.add_option("--write", write, "Write the page")->type_name("PAGE.md");
-  app.add_option("--check", check, "Compare the page, but for Embree's lines")->type_name("PAGE.md");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kNoRun;
-  }
-  const traversal::IeeeScope ieee;
-  Offset offset(rays);
-  if (const Status status = offset.run(); !status.ok()) {
-    std::fprintf(stderr, "raymill-offset: %s\n", status.message().c_str());
-    return kNoRun;
-  }
-  char head[4096];
-  std::snprintf(head, sizeof head, kHead, 2 * kCells * kCells, rays,
-                "8 (2 D + 1 m) 2^-24 from D metres, 1.4 micrometres at 1 m, for `watertight` and `exact`");
-  const std::string page = head + offset.lines();
-  if (!write.empty() && !(std::ofstream(write) << page)) {
-    std::fprintf(stderr, "raymill-offset: cannot write %s\n", write.c_str());
-    return kNoRun;
-  }
-  std::ifstream file(check);
-  const std::string kept((std::istreambuf_iterator<char>(file)), {});
-  if (!check.empty() && without_embree(kept) != without_embree(page)) {
-    std::printf("%s is out of date\n", check.c_str());
-    return kBroken;
-  }
-  return offset.passed() ? 0 : kBroken;
+  tool.option("--rays", rays, "For each line");
+  tool.option("--write", write, "Write the page").type("PAGE.md");
+  tool.option("--check", check, "Compare the page, but for Embree's lines").type("PAGE.md");
+  return tool.run(argc, argv, [&]() -> Result<bool> {
+    Offset offset(rays);
+    RAYMILL_RETURN_IF_ERROR(offset.run());
+    char head[4096];
+    std::snprintf(head, sizeof head, kHead, 2 * kCells * kCells, rays,
+                  "8 (2 D + 1 m) 2^-24 from D metres, 1.4 micrometres at 1 m, for `watertight` and `exact`");
+    const std::string page = head + offset.lines();
+    if (!write.empty() && !(std::ofstream(write) << page)) {
+      return {ErrorCode::io, "cannot write " + write};
+    }
+    std::ifstream file(check);
+    const std::string kept((std::istreambuf_iterator<char>(file)), {});
+    if (!check.empty() && without_embree(kept) != without_embree(page)) {
+      std::printf("%s is out of date\n", check.c_str());
+      return false;
+    }
+    return offset.passed();
+  });
 }
 
 }  // namespace

@@ -28,7 +28,7 @@ enum class Residency : std::uint8_t {
 };
 
 struct KernelRun {
-  traversal::Isa isa = traversal::Isa::scalar;
+  traversal::Isa isa = traversal::runnable_isas().back();
   Query query = Query::closest;
   Mode mode = Mode::watertight;
   Residency residency = Residency::all;

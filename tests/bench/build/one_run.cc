@@ -4,7 +4,6 @@
 //
 // Prints a line of JSON: triangles, sah_cost, levels, nodes. The store itself goes nowhere. Exit codes: 0; 2 it could
 // not be built.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -12,6 +11,7 @@
 #include "client/cli/parse.h"
 #include "storage/import/scene_import.h"
 #include "storage/io/store_builder.h"
+#include "tests/support/tool.h"
 
 namespace raymill::bench {
 namespace {
@@ -29,29 +29,20 @@ int run(int argc, char** argv) {
   BuildConfig config;
   config.output = "/dev/null";
   std::string memory = "64G";
-  CLI::App app("The tree that a build would make if it cut nothing");
-  app.add_option("SCENE", config.scenes, "Scene files")->required();
-  app.add_option("--memory", memory, "Limit of the whole process (64G)")->type_name("SIZE");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
-  const Result<BuildReport> report = [&]() -> Result<BuildReport> {
+  tests::Tool tool("raymill-one-run", "The tree that a build would make if it cut nothing.");
+  tool.option("SCENE", config.scenes, "Scene files").required();
+  tool.option("--memory", memory, "Limit of the whole process (64G)").type("SIZE");
+  return tool.run(argc, argv, [&]() -> Result<bool> {
     RAYMILL_ASSIGN_OR_RETURN(config.memory, client::parse_bytes(memory));
-    return build_one_run(config);
-  }();
-  if (!report) {
-    std::fprintf(stderr, "raymill-one-run: %s\n", report.status().message().c_str());
-    return 2;
-  }
-  const nlohmann::json told = {{"triangles", report->triangles},
-                               {"runs", report->runs},
-                               {"sah_cost", report->sah_cost},
-                               {"levels", report->levels},
-                               {"nodes", report->nodes}};
-  std::printf("%s\n", told.dump().c_str());
-  return 0;
+    RAYMILL_ASSIGN_OR_RETURN(const BuildReport report, build_one_run(config));
+    const nlohmann::json told = {{"triangles", report.triangles},
+                                 {"runs", report.runs},
+                                 {"sah_cost", report.sah_cost},
+                                 {"levels", report.levels},
+                                 {"nodes", report.nodes}};
+    std::printf("%s\n", told.dump().c_str());
+    return true;
+  });
 }
 
 }  // namespace

@@ -9,7 +9,6 @@
 // figures are the same on any machine. The first tree gives the hits that those of the others are held against. Prints
 // a line of JSON for each tree. Exit codes: 0; 1 hits differ between trees without spatial splits; 2 it could not be
 // run.
-#include <CLI/CLI.hpp>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -23,6 +22,7 @@
 #include "client/cli/bench/store_triangles.h"
 #include "tests/bench/build/trial_tree.h"
 #include "tests/bench/tool.h"
+#include "tests/support/tool.h"
 #include "traversal/slab.h"
 
 namespace raymill::bench {
@@ -233,18 +233,13 @@ Result<bool> run(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("What a builder's choices are worth, counted.", "raymill-tree-quality");
-  app.add_option("STORE", options.store, "The store that the triangles are taken from")->required();
-  app.add_option("RAYS", options.rays, "Ray file")->required();
-  app.add_option("--trees", options.trees, "QUALITY:LEAF:BLOCK:PASSES, separated by commas")
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--most-rays", options.most_rays, "Rays that are traced")->capture_default_str();
-  app.add_option("--widths", options.widths, "Children of a node, separated by commas")
-      ->delimiter(',')
-      ->check(CLI::IsMember({2, 4, 8}))
-      ->capture_default_str();
-  return run_tool(app, argc, argv, [&] { return run(options); });
+  tests::Tool tool("raymill-tree-quality", "What a builder's choices are worth, counted.");
+  tool.option("STORE", options.store, "The store that the triangles are taken from").required();
+  tool.option("RAYS", options.rays, "Ray file").required();
+  tool.option("--trees", options.trees, "QUALITY:LEAF:BLOCK:PASSES, separated by commas").separated_by(',');
+  tool.option("--most-rays", options.most_rays, "Rays that are traced");
+  tool.option("--widths", options.widths, "Children of a node, separated by commas").separated_by(',').between(2, 8);
+  return tool.run(argc, argv, [&] { return run(options); });
 }
 
 }  // namespace

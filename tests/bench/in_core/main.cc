@@ -9,7 +9,6 @@
 // rate in --mode to its rate in the others: what they cost); its median, least and most are printed, one line of JSON
 // for each file. Exit codes: 0; 1 hits of ours differ, or Embree's in more of the rays than --most-different; 2 it
 // could not be run.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bit>
 #include <chrono>
@@ -25,6 +24,7 @@
 #include "tests/bench/in_core/resident_store.h"
 #include "tests/bench/tool.h"
 #include "tests/support/embree_files.h"
+#include "tests/support/tool.h"
 #include "traversal/engine.h"
 #include "traversal/ray_order.h"
 
@@ -298,28 +298,24 @@ Result<bool> run(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Traces rays with every page in memory, beside Embree.", "raymill-in-core");
-  app.add_option("SCENE", options.scene, "The scene file that the store was built from")->required();
-  app.add_option("STORE", options.store, "The store")->required();
-  app.add_option("RAYS", options.rays, "Ray files")->required();
-  app.add_option("--query", options.query, "closest or any")->capture_default_str();
-  app.add_option("--mode", options.mode, "watertight or exact (beside Embree's robust mode), or fast")
-      ->capture_default_str();
-  app.add_option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
-  app.add_option("--repeat", options.repeat, "Repetitions")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--batch", options.batch_rays, "Rays that a kernel is given at once")
-      ->check(CLI::Range(1, 1 << 20))
-      ->capture_default_str();
-  app.add_option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
-  app.add_flag("--modes", options.modes, "The kernels in the other modes too: what they cost");
-  app.add_flag("--engine", options.engine, "Trace by the engine too");
-  app.add_flag("--all-calls", options.all_calls, "Embree's packets of 8 and 16 and its streams too");
-  app.add_flag("--coherent", options.coherent, "Tell Embree's packets and streams that the rays are coherent");
-  app.add_flag("--sort", options.sort, "The kernels, single rays and packets of 16 after sorting the file's rays too");
-  app.add_flag("--no-embree", options.no_embree, "Leave Embree out, for a profile");
-  app.add_option("--most-different", options.most_different, "Part of the rays whose hits may differ")
-      ->capture_default_str();
-  return run_tool(app, argc, argv, [&] { return run(options); });
+  tests::Tool tool("raymill-in-core", "Traces rays with every page in memory, beside Embree.");
+  tool.option("SCENE", options.scene, "The scene file that the store was built from").required();
+  tool.option("STORE", options.store, "The store").required();
+  tool.option("RAYS", options.rays, "Ray files").required();
+  tool.option("--query", options.query, "closest or any");
+  tool.option("--mode", options.mode, "watertight or exact (beside Embree's robust mode), or fast");
+  tool.option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
+  tool.option("--repeat", options.repeat, "Repetitions").between(1, 1000);
+  tool.option("--batch", options.batch_rays, "Rays that a kernel is given at once").between(1, 1 << 20);
+  tool.option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
+  tool.flag("--modes", options.modes, "The kernels in the other modes too: what they cost");
+  tool.flag("--engine", options.engine, "Trace by the engine too");
+  tool.flag("--all-calls", options.all_calls, "Embree's packets of 8 and 16 and its streams too");
+  tool.flag("--coherent", options.coherent, "Tell Embree's packets and streams that the rays are coherent");
+  tool.flag("--sort", options.sort, "The kernels, single rays and packets of 16 after sorting the file's rays too");
+  tool.flag("--no-embree", options.no_embree, "Leave Embree out, for a profile");
+  tool.option("--most-different", options.most_different, "Part of the rays whose hits may differ");
+  return tool.run(argc, argv, [&] { return run(options); });
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ class ResidentStore {
   static Result<ResidentStore> load(const std::string& path);
 
   struct Run {
-    traversal::Isa isa = traversal::Isa::scalar;
+    traversal::Isa isa = traversal::runnable_isas().back();
     Query query = Query::closest;
     Mode mode = Mode::watertight;
     std::size_t batch_rays = 512;

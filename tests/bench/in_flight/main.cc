@@ -5,7 +5,6 @@
 // Rays run by the kernels on a store of which a random part of the pages is there, and wait where the first page is
 // missing, in the product's own container and records. Growth counts all of it: records, chunks that are not full,
 // queues and tables. One line of JSON. Exit codes: 0; 2 it could not be run.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <iostream>
@@ -17,7 +16,7 @@
 #include "client/cli/ray_file.h"
 #include "storage/base/ledger.h"
 #include "tests/bench/in_core/resident_store.h"
-#include "traversal/simd/float_mode.h"
+#include "tests/support/tool.h"
 #include "traversal/waiting_rays.h"
 
 namespace raymill::bench {
@@ -141,29 +140,18 @@ Result<nlohmann::json> run(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Memory for each ray that waits for a page.", "raymill-in-flight");
-  app.add_option("STORE", options.store, "The store")->required();
-  app.add_option("RAYS", options.rays, "Ray file")->required();
-  app.add_option("--query", options.query, "closest or any")->capture_default_str();
-  app.add_option("--there", options.there_percent, "Percent of the pages that are there")
-      ->check(CLI::Range(0, 100))
-      ->capture_default_str();
-  app.add_option("--count", options.count, "Rays that are to wait")->capture_default_str();
-  app.add_option("--seed", options.seed, "Of the choice of pages")->capture_default_str();
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const traversal::IeeeScope ieee;
-  const auto line = run(options);
-  if (!line) {
-    std::fprintf(stderr, "raymill-in-flight: %s\n", line.status().message().c_str());
-    return kCannotRun;
-  }
-  std::cout << line->dump() << std::endl;
-  return 0;
+  tests::Tool tool("raymill-in-flight", "Memory for each ray that waits for a page.");
+  tool.option("STORE", options.store, "The store").required();
+  tool.option("RAYS", options.rays, "Ray file").required();
+  tool.option("--query", options.query, "closest or any");
+  tool.option("--there", options.there_percent, "Percent of the pages that are there").between(0, 100);
+  tool.option("--count", options.count, "Rays that are to wait");
+  tool.option("--seed", options.seed, "Of the choice of pages");
+  return tool.run(argc, argv, [&]() -> Result<bool> {
+    RAYMILL_ASSIGN_OR_RETURN(const nlohmann::json line, run(options));
+    std::cout << line.dump() << std::endl;
+    return true;
+  });
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 // The public Engine answers them in each mode, Embree in its default and in its robust mode, the same rays in the same
 // run. A line for each mesh. Exit codes: 0; 1 a miss in watertight or exact, or a mesh that is not closed; 2 it could
 // not be run.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -23,6 +22,7 @@
 #include "tests/bench/leaks/meshes.h"
 #include "tests/support/rays.h"
 #include "tests/support/stores.h"
+#include "tests/support/tool.h"
 #include "traversal/engine.h"
 
 namespace raymill::bench {
@@ -207,55 +207,33 @@ class Leaks {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Rays from inside closed meshes, aimed at vertices and edges, that hit nothing.", "raymill-leaks");
-  app.add_option("--rays", options.rays, "In all, a part of them for each mesh")->capture_default_str();
-  app.add_option("--scenes", options.scenes, "Folder of the scenes: the dragon too");
-  app.add_option("--mesh", options.mesh, "This mesh alone")->type_name("NAME");
-  app.add_option("--query", options.query, "closest or any")
-      ->check(CLI::IsMember({"closest", "any"}))
-      ->capture_default_str();
-  app.add_option("--positions", options.positions, "Of the stores, as 'raymill build' takes it")->capture_default_str();
-  app.add_option("--page-bytes", options.page_bytes,
-                 "Of the stores' pages: the smaller, the more rays at their borders")
-      ->check(CLI::Range(16 << 10, 1 << 20))
-      ->capture_default_str();
-  app.add_option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
-  app.add_option("--threads", options.threads, "0: one for each core")->capture_default_str();
-  app.add_option("--origins", options.origins, "Points inside each mesh")
-      ->check(CLI::Range(1, 1 << 20))
-      ->capture_default_str();
-  app.add_option("--boxes", options.boxes, "Of the box soup")->check(CLI::Range(1, 1 << 20))->capture_default_str();
-  app.add_option("--grid-bits", options.grid_bits, "Of the dragon on an integer grid")
-      ->check(CLI::Range(4, 23))
-      ->capture_default_str();
-  app.add_option("--seed", options.seed, "Of origins and rays")->capture_default_str();
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const auto rays = client::parse_count(options.rays);
-  const auto query = parse_query(options.query);
-  Status status = rays ? query.status() : rays.status();
-  bool passed = false;
-  if (status.ok()) {
-    Leaks leaks(options, *rays, *query);
-    status = leaks.run();
-    passed = leaks.passed();
-  }
-  if (!status.ok()) {
-    std::fprintf(stderr, "raymill-leaks: %s\n", status.message().c_str());
-    return kCannotRun;
-  }
-  std::printf(
-      "again: raymill-leaks --rays %s --query %s --positions %s --page-bytes %u --seed %llu --origins %zu --boxes %zu "
-      "--grid-bits "
-      "%u%s\n",
-      options.rays.c_str(), options.query.c_str(), options.positions.c_str(), options.page_bytes,
-      static_cast<unsigned long long>(options.seed), options.origins, options.boxes, options.grid_bits,
-      options.scenes.empty() ? "" : " --scenes FOLDER");
-  return passed ? 0 : 1;
+  tests::Tool tool("raymill-leaks", "Rays from inside closed meshes, aimed at vertices and edges, that hit nothing.");
+  tool.option("--rays", options.rays, "In all, a part of them for each mesh");
+  tool.option("--scenes", options.scenes, "Folder of the scenes: the dragon too");
+  tool.option("--mesh", options.mesh, "This mesh alone").type("NAME");
+  tool.option("--query", options.query, "closest or any").one_of({"closest", "any"});
+  tool.option("--positions", options.positions, "Of the stores, as 'raymill build' takes it");
+  tool.option("--page-bytes", options.page_bytes, "Of the stores' pages: the smaller, the more rays at their borders")
+      .between(16 << 10, 1 << 20);
+  tool.option("--isa", options.isa, "Of our kernels; left out: the best this machine has");
+  tool.option("--threads", options.threads, "0: one for each core");
+  tool.option("--origins", options.origins, "Points inside each mesh").between(1, 1 << 20);
+  tool.option("--boxes", options.boxes, "Of the box soup").between(1, 1 << 20);
+  tool.option("--grid-bits", options.grid_bits, "Of the dragon on an integer grid").between(4, 23);
+  tool.option("--seed", options.seed, "Of origins and rays");
+  return tool.run(argc, argv, [&]() -> Result<bool> {
+    RAYMILL_ASSIGN_OR_RETURN(const std::uint64_t rays, client::parse_count(options.rays));
+    RAYMILL_ASSIGN_OR_RETURN(const Query query, parse_query(options.query));
+    Leaks leaks(options, rays, query);
+    RAYMILL_RETURN_IF_ERROR(leaks.run());
+    std::printf(
+        "again: raymill-leaks --rays %s --query %s --positions %s --page-bytes %u --seed %llu --origins %zu"
+        " --boxes %zu --grid-bits %u%s\n",
+        options.rays.c_str(), options.query.c_str(), options.positions.c_str(), options.page_bytes,
+        static_cast<unsigned long long>(options.seed), options.origins, options.boxes, options.grid_bits,
+        options.scenes.empty() ? "" : " --scenes FOLDER");
+    return leaks.passed();
+  });
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 //   raymill-peer SCENE... --commands        one run for each line of stdin: THREADS SECONDS RAYS.npy
 //
 // Prints a line of JSON when the scene stands, and one for each run. Exit codes: 0; 2 it could not be run.
-#include <CLI/CLI.hpp>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -18,6 +17,7 @@
 #include "storage/base/ledger.h"
 #include "storage/base/quotes.h"
 #include "tests/support/embree_files.h"
+#include "tests/support/tool.h"
 
 namespace raymill::bench {
 namespace {
@@ -137,33 +137,24 @@ Status run(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Traces rays with Embree (rtcIntersect1), for a comparison with raymill trace.", "raymill-peer");
-  app.add_option("SCENE", options.scenes, "The scene files that the store was built from")->required();
-  auto* rays = app.add_option("--rays", options.rays, "RAYS.npy");
-  app.add_option("--threads", options.threads, "Threads that trace")->check(CLI::Range(1, 1024))->capture_default_str();
-  app.add_option("--seconds", options.seconds, "Stops after so long; the rays that were not reached are left out")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--device", options.embree.device, "As rtcNewDevice takes it, e.g. isa=avx2");
-  app.add_flag("--keep-arrays", options.embree.keep_arrays, "Keep vertices and indices in memory after the build");
-  auto* commands =
-      app.add_flag("--commands", options.commands, "Runs are lines of stdin, THREADS SECONDS RAYS.npy, until it ends");
-  rays->excludes(commands);
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  if (options.rays.empty() && !options.commands) {
-    std::fprintf(stderr, "raymill-peer: give --rays or --commands\n");
-    return kCannotRun;
-  }
-  if (const Status status = run(options); !status.ok()) {
-    std::fprintf(stderr, "raymill-peer: %s\n", status.message().c_str());
-    return kCannotRun;
-  }
-  return 0;
+  tests::Tool tool("raymill-peer", "Traces rays with Embree (rtcIntersect1), for a comparison with raymill trace.");
+  tool.option("SCENE", options.scenes, "The scene files that the store was built from").required();
+  auto rays = tool.option("--rays", options.rays, "RAYS.npy");
+  tool.option("--threads", options.threads, "Threads that trace").between(1, 1024);
+  tool.option("--seconds", options.seconds, "Stops after so long; the rays that were not reached are left out")
+      .between(1e-3, 1e9);
+  tool.option("--device", options.embree.device, "As rtcNewDevice takes it, e.g. isa=avx2");
+  tool.flag("--keep-arrays", options.embree.keep_arrays, "Keep vertices and indices in memory after the build");
+  const auto commands =
+      tool.flag("--commands", options.commands, "Runs are lines of stdin, THREADS SECONDS RAYS.npy, until it ends");
+  rays.excludes(commands);
+  return tool.run(argc, argv, [&]() -> Result<bool> {
+    if (options.rays.empty() && !options.commands) {
+      return {ErrorCode::invalid_argument, "give --rays or --commands"};
+    }
+    RAYMILL_RETURN_IF_ERROR(run(options));
+    return true;
+  });
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 // are printed. Nodes and triangles are counted in a run of its own. All algorithms must give the same hits bit for bit,
 // and for a few rays those of a loop over all triangles. Tables for each file of rays, and a line of JSON. Exit codes:
 // 0; 1 hits differ; 2 it could not be run.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bit>
 #include <cstdio>
@@ -20,6 +19,7 @@
 #include "client/cli/bench/store_triangles.h"
 #include "tests/bench/seed/report.h"
 #include "tests/bench/tool.h"
+#include "tests/support/tool.h"
 
 namespace raymill::bench {
 namespace {
@@ -128,12 +128,12 @@ Result<bool> run(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Algorithms of traversal beside each other, one ray at a time.", "raymill-seed");
-  app.add_option("STORE", options.store, "The store that the triangles are taken from")->required();
-  app.add_option("RAYS", options.rays, "Ray files")->required();
-  app.add_option("--repeat", options.repeat, "Repetitions")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
-  return run_tool(app, argc, argv, [&] { return run(options); });
+  tests::Tool tool("raymill-seed", "Algorithms of traversal beside each other, one ray at a time.");
+  tool.option("STORE", options.store, "The store that the triangles are taken from").required();
+  tool.option("RAYS", options.rays, "Ray files").required();
+  tool.option("--repeat", options.repeat, "Repetitions").between(1, 1000);
+  tool.option("--most-rays", options.most_rays, "Rays of a file that are traced; left out: all");
+  return tool.run(argc, argv, [&] { return run(options); });
 }
 
 }  // namespace

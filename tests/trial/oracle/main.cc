@@ -3,7 +3,6 @@
 //   raymill-oracle SCENE... --rays RAYS.npy --hits HITS.npy [--positions lattice:16b] [--threads N] [--json]
 //
 // Exit codes: 0 every ray's answer is right or differs by less than float64 can tell; 1 not so; 2 it could not be run.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <fstream>
 #include <iostream>
@@ -14,6 +13,7 @@
 #include "client/cli/ray_file.h"
 #include "storage/build/lattice.h"
 #include "storage/import/scene_import.h"
+#include "tests/support/tool.h"
 #include "tests/trial/oracle/comparison.h"
 
 namespace raymill::trial {
@@ -119,26 +119,18 @@ Result<Tally> compare(const Options& options) {
 
 int run(int argc, char** argv) {
   Options options;
-  CLI::App app("Checks traced hits against Embree (robust) and exact arithmetic.", "raymill-oracle");
-  app.add_option("SCENE", options.scenes, "The scene files that the store was built from, in order")->required();
-  app.add_option("--rays", options.rays, "RAYS.npy")->required();
-  app.add_option("--hits", options.hits, "HITS.npy of raymill trace")->required();
-  app.add_option("--positions", options.positions, "As for raymill build");
-  app.add_option("--threads", options.threads, "0: one for each core");
-  app.add_flag("--json", options.json, "Print JSON");
-  constexpr int kCannotRun = 2;
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kCannotRun;
-  }
-  const auto tally = compare(options);
-  if (!tally) {
-    std::fprintf(stderr, "raymill-oracle: %s\n", tally.status().message().c_str());
-    return kCannotRun;
-  }
-  std::cout << (options.json ? tally->json().dump(1) + "\n" : tally->text());
-  return tally->passed() ? 0 : 1;
+  tests::Tool tool("raymill-oracle", "Checks traced hits against Embree (robust) and exact arithmetic.");
+  tool.option("SCENE", options.scenes, "The scene files that the store was built from, in order").required();
+  tool.option("--rays", options.rays, "RAYS.npy").required();
+  tool.option("--hits", options.hits, "HITS.npy of raymill trace").required();
+  tool.option("--positions", options.positions, "As for raymill build");
+  tool.option("--threads", options.threads, "0: one for each core");
+  tool.flag("--json", options.json, "Print JSON");
+  return tool.run(argc, argv, [&]() -> Result<bool> {
+    RAYMILL_ASSIGN_OR_RETURN(const Tally tally, compare(options));
+    std::cout << (options.json ? tally.json().dump(1) + "\n" : tally.text());
+    return tally.passed();
+  });
 }
 
 }  // namespace
