@@ -116,6 +116,7 @@ std::string_view to_string(Isa isa);
 /// Those this machine can run, best first.
 std::vector<Isa> runnable_isas();
 
+/// Null: not one of the runnable.
 Kernel find_kernel(Isa isa, const KernelChoice& choice);
 ExpandedKernel find_expanded_kernel(Isa isa, const KernelChoice& choice);
 

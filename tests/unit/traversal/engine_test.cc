@@ -249,7 +249,8 @@ TEST_F(EngineTest, RequestsThatCannotBeAreRefused) {
   config.isa = "mmx";
   const Status status = Engine::create(config).status();
   EXPECT_EQ(status.code(), ErrorCode::invalid_argument);
-  EXPECT_NE(status.message().find("scalar"), std::string::npos) << "names what there is: " << status.message();
+  EXPECT_NE(status.message().find(available_isas().back()), std::string::npos)
+      << "names what there is: " << status.message();
   config.isa.clear();
   config.max_jobs = 0;
   EXPECT_EQ(Engine::create(config).status().code(), ErrorCode::invalid_argument);

@@ -25,7 +25,7 @@ class FutureDemandTest : public testing::TestWithParam<unsigned> {
     all_ = std::make_shared<FutureDemand>(page_count(), pages_.rules.width);
     images_ = std::make_unique<std::atomic<const std::byte*>[]>(page_count());
     touched_ = std::make_unique<std::atomic<std::uint8_t>[]>(page_count());
-    kernel_ = find_kernel(Isa::scalar, {Query::any, Mode::fast, GetParam()});
+    kernel_ = find_kernel(runnable_isas().back(), {Query::any, Mode::fast, GetParam()});
     for (const Ray& ray : tests::mixed_rays(random, scene, 500)) {
       if (TraceJob::valid(ray)) {
         rays_.push_back(start(ray));

@@ -135,6 +135,7 @@ TEST(RaySpiller, RaysThatGrowGoToDiskFromPagesThatAreThere) {
   const auto held = std::make_shared<Held>();
   StoreTracer::Config config;
   config.share = share;
+  config.isa = runnable_isas().back();
   config.spill_directory = folder.path();
   config.make_reader = [held](auto store, storage::ReaderKind kind, unsigned depth, Ledger& of, auto done) {
     return make_held_reader(held, storage::make_page_reader(std::move(store), kind, depth, of, std::move(done)));

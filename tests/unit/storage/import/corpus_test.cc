@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/effort.h"
 #include "tests/unit/storage/import/test_scene.h"
 
 namespace raymill::storage {
@@ -147,10 +148,14 @@ INSTANTIATE_TEST_SUITE_P(Import, EdgeCorpus, testing::ValuesIn(kEdgeFolders),
 class SceneCorpus : public testing::TestWithParam<std::string> {};
 TEST_P(SceneCorpus, HasTheTrianglesOfTheManifest) { check_folder(GetParam()); }
 INSTANTIATE_TEST_SUITE_P(Import, SceneCorpus,
-                         testing::Values("alpha_blend_mode_test", "banana_tree", "dragon_attenuation", "house",
-                                         "many_cubes", "pmndrs_bike", "pmndrs_helicopter", "spaceship",
-                                         "teapots_galore", "torque_forest", "two_cylinder_engine",
+                         testing::Values("alpha_blend_mode_test", "banana_tree", "dragon_attenuation", "many_cubes",
+                                         "pmndrs_bike", "pmndrs_helicopter", "spaceship", "two_cylinder_engine",
                                          "two_cylinder_engine_draco", "vertex_count_32bit"),
+                         [](const auto& tested) { return tested.param; });
+// Millions of triangles, by the same ways as those above.
+const std::vector<std::string> kLargeScenes = {"house", "teapots_galore", "torque_forest"};
+INSTANTIATE_TEST_SUITE_P(ImportLarge, SceneCorpus,
+                         testing::ValuesIn(tests::kSanitized ? std::vector<std::string>() : kLargeScenes),
                          [](const auto& tested) { return tested.param; });
 
 }  // namespace
