@@ -31,11 +31,18 @@ def program(path):
     return pathlib.Path(path).resolve()
 
 
+def folder(path):
+    """The type of an option that names a folder, which is made where there is none."""
+    path = pathlib.Path(path).resolve()
+    path.mkdir(parents=True, exist_ok=True)
+    return path
+
+
 def parser(text):
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # files are removed on the way out
     options = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=program, help="the program: build/release/bin/raymill")
-    options.add_argument("--work", type=lambda path: pathlib.Path(path).resolve(),
+    options.add_argument("--work", type=folder,
                          help="folder for the trial's files, removed at the end; default TMPDIR")
     options.add_argument("--short", action="store_true", help="the form that ctest runs")
     return options
@@ -204,8 +211,8 @@ def add_run(path, lines):
 def run_bench(make, options, name):
     """Runs make(options, folder), a bench with lines and problems, in options.work or a folder that is removed; prints
     its lines of JSON and how to repeat it. Returns the exit code."""
-    with tempfile.TemporaryDirectory(prefix="raymill-bench-") as folder:
-        bench = make(options, (options.work or pathlib.Path(folder)).resolve())
+    with tempfile.TemporaryDirectory(prefix="raymill-bench-") as temporary:
+        bench = make(options, options.work or pathlib.Path(temporary))
         try:
             bench.run()
         except Failure as failure:

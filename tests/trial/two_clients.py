@@ -104,7 +104,7 @@ def main():
     options.engine = []
     if options.short:
         # One slow thread: half way must last longer than the second between two reports of progress.
-        options.triangles, options.rays, options.memory = "200k", "4M", 64
+        options.triangles, options.rays, options.memory = "200k", "2500k", 64
         options.engine = ["--threads", "1", "--isa", "scalar"]
     problems = []
     with support.work_folder(options) as folder:

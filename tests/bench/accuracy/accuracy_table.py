@@ -97,7 +97,7 @@ class Tables:
 def parse():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=support.program)
-    options.add_argument("--work", type=pathlib.Path, help="folder for scenes and stores; default: one that is removed")
+    options.add_argument("--work", type=support.folder, help="folder for scenes and stores; default: one that is removed")
     options.add_argument("--scenes", default="terrain:2M", help="separated by commas (%(default)s)")
     options.add_argument("--positions", default="lattice:16b", help="besides float32, separated by commas (%(default)s)")
     options.add_argument("--memory-shares", default="100,10", help="per cent of the decoded store (%(default)s)")
@@ -113,8 +113,6 @@ def parse():
     options = options.parse_args()
     if options.short:
         options.scenes, options.rays, options.memory_shares = "terrain:60k", "5k", "100"
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

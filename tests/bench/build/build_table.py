@@ -107,7 +107,7 @@ def parse():
     options.add_argument("--raymill", required=True, type=support.program, help="the program: B/bin/raymill")
     options.add_argument("--one-run", type=support.program,
                          help="B/tests/bench/build/raymill-one-run; without it no SAH cost is compared")
-    options.add_argument("--work", type=pathlib.Path, help="folder for scenes, which stay; default: one that is removed")
+    options.add_argument("--work", type=support.folder, help="folder for scenes, which stay; default: one that is removed")
     options.add_argument("--scene", type=lambda path: pathlib.Path(path).resolve(),
                          help="a glTF file in place of the generated one; --triangles then only names it")
     options.add_argument("--kind", default="mixed", help="of the generated scenes (%(default)s)")
@@ -121,8 +121,6 @@ def parse():
     options = options.parse_args()
     if options.short:
         options.triangles, options.memory, options.sah_triangles = "300K", "100M", "500K"
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

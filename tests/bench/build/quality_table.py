@@ -107,7 +107,7 @@ def parse():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=support.program)
     options.add_argument("--trees", required=True, type=support.program, help="raymill-tree-quality")
-    options.add_argument("--work", type=pathlib.Path,
+    options.add_argument("--work", type=support.folder,
                          help="folder for scenes, stores and rays; default: one that is removed")
     options.add_argument("--scenes", default="terrain:2M,forest:2M,city:2M", help="separated by commas (%(default)s)")
     options.add_argument("--rays", default="30k", help="of each scene (%(default)s)")
@@ -117,8 +117,6 @@ def parse():
     options = options.parse_args()
     if options.short:
         options.scenes, options.rays, options.repeat = "city:20k", "2k", 1
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

@@ -117,7 +117,7 @@ def parse():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=support.program)
     options.add_argument("--bench", required=True, type=support.program, help="raymill-in-core")
-    options.add_argument("--work", type=pathlib.Path, help="folder for scenes, stores and rays; default: one that is removed")
+    options.add_argument("--work", type=support.folder, help="folder for scenes, stores and rays; default: one that is removed")
     options.add_argument("--scenes", default="terrain:2M,city:10M,forest:10M", help="separated by commas (%(default)s)")
     options.add_argument("--rays", default="500k", help="of each kind (%(default)s)")
     options.add_argument("--mode", default="watertight", help="watertight, fast or exact (%(default)s)")
@@ -130,8 +130,6 @@ def parse():
     if options.short:
         options.scenes, options.rays, options.repeat = "terrain:20k,city:20k", "20k", 1
     options.mode = "fast" if options.modes else options.mode
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

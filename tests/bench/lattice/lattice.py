@@ -83,7 +83,7 @@ def parse():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=support.program)
     options.add_argument("--leaks", required=True, type=support.program, help="raymill-leaks")
-    options.add_argument("--work", type=pathlib.Path, help="folder for scenes and stores; default: one that is removed")
+    options.add_argument("--work", type=support.folder, help="folder for scenes and stores; default: one that is removed")
     options.add_argument("--scenes", default="terrain:1M,city:1M,forest:1M", help="separated by commas (%(default)s)")
     options.add_argument("--bits", default="8,10,12,14,16,18,20,22,24", help="separated by commas (%(default)s)")
     options.add_argument("--rays", default="500k", help="for each scene (%(default)s)")
@@ -94,8 +94,6 @@ def parse():
     options = options.parse_args()
     if options.short:
         options.scenes, options.bits, options.rays, options.crack_rays, options.rounds = "terrain:20k", "8,16", "10k", "10k", 1
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

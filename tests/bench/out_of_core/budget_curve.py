@@ -215,7 +215,7 @@ def parse():
     options.add_argument("--scene", type=lambda path: pathlib.Path(path).resolve(), help="a glTF file")
     options.add_argument("--triangles", default="60M", help="of a generated scene (%(default)s)")
     options.add_argument("--kind", default="mixed", help="of a generated scene: as raymill generate (%(default)s)")
-    options.add_argument("--work", type=pathlib.Path, help="folder for files, which stay; default: one that is removed")
+    options.add_argument("--work", type=support.folder, help="folder for files, which stay; default: one that is removed")
     options.add_argument("--rays", default="10M", help="how many of each kind (%(default)s)")
     options.add_argument("--kinds", default="bounce,random", help="as raymill rays (%(default)s)")
     options.add_argument("--in-order", action="store_true", help="do not shuffle the rays")
@@ -237,8 +237,6 @@ def parse():
     if options.short:
         options.triangles, options.rays, options.seconds, options.no_swap = "1M", "20k", 1, True
         options.fractions, options.peer_fractions, options.peer_threads = [200, 50], [100, 50], [1, 2]
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

@@ -124,7 +124,7 @@ def parse():
                          help="rays that are there; may be repeated")
     options.add_argument("--triangles", default="4M", help="of a generated scene (%(default)s)")
     options.add_argument("--kind", default="mixed", help="of a generated scene: as raymill generate (%(default)s)")
-    options.add_argument("--work", type=pathlib.Path, help="folder for files, which stay; default: one that is removed")
+    options.add_argument("--work", type=support.folder, help="folder for files, which stay; default: one that is removed")
     options.add_argument("--rays", default="1M", help="how many of each kind (%(default)s)")
     options.add_argument("--kinds", default="bounce,random", help="as raymill rays (%(default)s)")
     options.add_argument("--fractions", type=numbers, default=numbers("25,10,5"),
@@ -143,8 +143,6 @@ def parse():
         options.belady = None
     elif options.belady is None:
         sys.exit("policy_table.py: --belady PROGRAM, or --no-belady")
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 

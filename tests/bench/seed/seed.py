@@ -72,7 +72,7 @@ def parse():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--raymill", required=True, type=support.program)
     options.add_argument("--bench", required=True, type=support.program, help="raymill-seed")
-    options.add_argument("--work", type=pathlib.Path,
+    options.add_argument("--work", type=support.folder,
                          help="folder for scenes, stores and rays; default: one that is removed")
     options.add_argument("--scenes", default="terrain:2M,city:10M", help="separated by commas (%(default)s)")
     options.add_argument("--rays", default="500k", help="of each kind (%(default)s)")
@@ -81,8 +81,6 @@ def parse():
     options = options.parse_args()
     if options.short:
         options.scenes, options.rays, options.repeat = "terrain:20k", "5k", 1
-    if options.work:
-        options.work.mkdir(parents=True, exist_ok=True)
     return options
 
 
