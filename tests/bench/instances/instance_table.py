@@ -144,7 +144,7 @@ class Bench:
                            "--kinds", "primary,bounce", "--count", options.rays, "--repeat", 3, "--progress", "none", "--json")
         line["bench"] = [json.loads(one) for one in text.stdout.splitlines()]
         for one in line["bench"][1:]:
-            print(f"{name} {one['name']}: {one['ratio']['median']:.2f} of Embree's instances")
+            print(f"{name} {one['name']}: {one['embree_ratio']['median']:.2f} of Embree's instances")
 
     def rays(self, store, kind, count):
         path = store.with_name(f"{store.stem}-{kind}-{count}.npy")
@@ -199,7 +199,7 @@ def parse():
     options = options.parse_args()
     if options.short:
         options.woods, options.woods_meshes, options.rays, options.adversarial = "500k", "10", "10k", 1000
-        options.in_flight = None
+        options.in_flight_rays = "20k"
     return options
 
 

@@ -133,7 +133,7 @@ TEST_F(RayFileTest, EmptyFileOfRaysIsFine) {
   EXPECT_EQ(*reader->read(rays), 0U);
 }
 
-std::vector<Ray> numbered(std::uint64_t count) {
+std::vector<Ray> numbered_rays(std::uint64_t count) {
   std::vector<Ray> rays(count);
   for (std::uint64_t i = 0; i < count; ++i) {
     rays[i].org[0] = static_cast<float>(i);
@@ -143,7 +143,7 @@ std::vector<Ray> numbered(std::uint64_t count) {
 }
 
 TEST_F(RayFileTest, WriterKeepsTheOrder) {
-  const auto rays = numbered(5000);
+  const auto rays = numbered_rays(5000);
   auto writer = RayFileWriter::create(path("rays.npy"), rays.size(), nullptr);
   ASSERT_TRUE(writer);
   ASSERT_TRUE(writer->append(std::span(rays).first(1234)).ok());
@@ -160,7 +160,7 @@ TEST_F(RayFileTest, WriterKeepsTheOrder) {
 // In world space, where float32 has steps of half a metre; what is read back about the origin is what was written.
 TEST_F(RayFileTest, RaysAboutAnOriginAreWrittenInFloat64) {
   const std::array<double, 3> origin = {4500000, -3200000, 0};
-  auto rays = numbered(3000);
+  auto rays = numbered_rays(3000);
   for (Ray& ray : rays) {
     ray.org[1] = ray.org[0] / 1024;
   }
@@ -197,7 +197,7 @@ TEST_F(RayFileTest, Float32RaysAreMovedToTheOriginToo) {
 }
 
 TEST_F(RayFileTest, ShuffledWriterKeepsEveryRay) {
-  const auto rays = numbered(1001);
+  const auto rays = numbered_rays(1001);
   const std::uint64_t seed = 9;
   auto writer = RayFileWriter::create(path("rays.npy"), rays.size(), &seed);
   ASSERT_TRUE(writer);
@@ -221,7 +221,7 @@ TEST_F(RayFileTest, NothingIsLeftOfAnUnfinishedFile) {
   {
     auto writer = RayFileWriter::create(path("rays.npy"), 10, nullptr);
     ASSERT_TRUE(writer);
-    ASSERT_TRUE(writer->append(numbered(5)).ok());
+    ASSERT_TRUE(writer->append(numbered_rays(5)).ok());
   }
   EXPECT_EQ(files(), 0U);
 }
