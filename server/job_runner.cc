@@ -237,10 +237,12 @@ Status JobRunner::wait_for_reader() {
 
 Status JobRunner::send_rows(const HitChunk& chunk) {
   const std::size_t row_bytes = chunk.layout().row_bytes();
+  // Longer rows, of attributes, are fewer to a message.
+  const std::size_t most = spec_.chunk_rays * kMostRowBytes / std::max<std::size_t>(row_bytes, kMostRowBytes);
   for (std::size_t row = 0; row < chunk.size();) {
     RAYMILL_RETURN_IF_ERROR(wait_for_reader());
     // Copied, so that the engine has its memory back at once: how long a client takes is not its business.
-    const std::size_t count = std::min<std::size_t>(chunk.size() - row, spec_.chunk_rays);
+    const std::size_t count = std::min(chunk.size() - row, most);
     const auto bytes = chunk.rows().subspan(row * row_bytes, count * row_bytes);
     RowsReady rows{.index = messages_sent_++,
                    .first_ray = chunk.first_ray() + row,

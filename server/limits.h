@@ -19,7 +19,8 @@ constexpr std::uint32_t kProtocolVersion = 1;
 /// enough that the cost of a message (some ten microseconds) vanishes, short enough to stay in the caches.
 constexpr std::uint32_t kLeastChunkRays = 4u << 10;
 constexpr std::uint32_t kMostChunkRays = 64u << 10;
-/// Longest hit row: t 4, uv 8, three ids 12, normal 12.
+/// Longest hit row but for attributes: t 4, uv 8, three ids 12, normal 12. A message of rows is no longer than a chunk
+/// of such rows, so longer ones are fewer to a message.
 constexpr std::uint64_t kMostRowBytes = 36;
 
 /// What a ray brings besides: a primitive 8, a mask 4. Chunks of such rays have half as many, and no more bytes.

@@ -57,7 +57,8 @@ bool known(pb::Mode mode) { return mode >= pb::MODE_WATERTIGHT && mode <= pb::MO
 bool known(pb::JobState state) { return state >= pb::JOB_STATE_QUEUED && state <= pb::JOB_STATE_CANCELLED; }
 bool known_fields(std::uint32_t fields) {
   return fields == std::uint32_t(Field::count) || fields == std::uint32_t(Field::transmittance) ||
-         fields == std::uint32_t(kSpanFields) || (fields != 0 && (fields & ~std::uint32_t(Field::all)) == 0);
+         fields == std::uint32_t(kSpanFields) ||
+         (fields != 0 && (fields & ~std::uint32_t(Field::all | Field::attributes)) == 0);
 }
 
 bool known(pb::VolumeMethod method) { return method >= pb::VOLUME_METHOD_EXACT && method <= pb::VOLUME_METHOD_RATIO; }

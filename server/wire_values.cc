@@ -119,6 +119,7 @@ pb::JobStats to_wire(const JobStats& stats) {
   wire.set_triangles_tested(stats.triangles_tested);
   wire.set_masks_tested(stats.masks_tested);
   wire.set_texels_read(stats.texels_read);
+  wire.set_attributes_read(stats.attributes_read);
   wire.set_rays_parked(stats.rays_parked);
   wire.set_ray_spill_bytes(stats.ray_spill_bytes);
   wire.set_result_spill_bytes(stats.result_spill_bytes);
@@ -161,6 +162,7 @@ JobStats from_wire(const pb::JobStats& wire) {
   stats.triangles_tested = wire.triangles_tested();
   stats.masks_tested = wire.masks_tested();
   stats.texels_read = wire.texels_read();
+  stats.attributes_read = wire.attributes_read();
   stats.rays_parked = wire.rays_parked();
   stats.ray_spill_bytes = wire.ray_spill_bytes();
   stats.result_spill_bytes = wire.result_spill_bytes();

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <bit>
+#include <span>
 
 #include "storage/base/ledger.h"
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/codec.h"
 #include "traversal/future_demand.h"
 #include "traversal/page_scheduler.h"
@@ -50,8 +52,11 @@ constexpr std::uint32_t kMostGroupPages = 4096;
 
 std::uint64_t worker_bytes(const storage::StoreFile& store, unsigned threads, unsigned max_jobs,
                            const BudgetPlan& plan) {
-  const std::uint64_t worker =
-      storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) + kWorkerBytes + kThreadBytes;
+  const std::uint64_t of_attributes =
+      store.has_attributes() ? kAttributeWorkerBytes + storage::attribute_decode_bytes(store.header().page_bytes) : 0;
+  const std::uint64_t worker = of_attributes +
+                               storage::PageDecoder::scratch_bytes(store.header().page_bytes, store.codec()) +
+                               kWorkerBytes + kThreadBytes;
   return PageScheduler::bytes(store.page_count()) + FutureDemand::bytes(store.page_count(), max_jobs) +
          GroupTurns::bytes(store.page_count(), plan.group_pages) + storage::PageDecoder::process_bytes(store.codec()) +
          (std::min(plan.read_depth, storage::kMostReaderThreads) + 1) * kThreadBytes +
@@ -154,11 +159,28 @@ constexpr Field kRowOfEachSize[] = {Field::t,
                                     Field::all,
                                     Field::all | Field::count};
 
+// The same of rows that attributes make longer: 44, 48 and so on to 80 bytes.
+constexpr Field kWideRowOfEachSize[] = {
+    Field::all | Field::uv0,
+    Field::all | Field::shading_normal,
+    Field::all | Field::color0,
+    Field::all | Field::shading_normal | Field::uv0,
+    Field::all | Field::color0 | Field::uv0,
+    Field::all | Field::color0 | Field::shading_normal,
+    Field::all | Field::color0 | Field::uv0 | Field::uv1,
+    Field::all | Field::color0 | Field::shading_normal | Field::uv0,
+    Field::attributes | Field::normal | Field::uv | Field::ids | Field::instance_id,
+    Field::attributes | Field::all,
+};
+
 // The most that a job with so many chunks claims, whatever it answers: the smaller its rows, the more rays are in
 // flight and the larger are their tables. What lists claim does not depend on their rows.
 std::uint64_t job_bytes_for(std::uint64_t chunks, const BudgetPlan& plan, std::uint32_t page_count) {
   std::uint64_t most = job_bytes(plan_for(chunks, plan, page_count, {.lists = true}));
   for (const Field fields : kRowOfEachSize) {
+    most = std::max(most, job_bytes(plan_for(chunks, plan, page_count, {.fields = fields})));
+  }
+  for (const Field fields : plan.attributes ? std::span<const Field>(kWideRowOfEachSize) : std::span<const Field>()) {
     most = std::max(most, job_bytes(plan_for(chunks, plan, page_count, {.fields = fields})));
   }
   return most;
@@ -177,6 +199,7 @@ std::uint64_t least_share_bytes(const storage::StoreFile& store, unsigned thread
   least.read_depth = kLeastReadDepth;
   least.group_pages = group_pages(frames);
   least.extent_bytes = kLeastExtentBytes;
+  least.attributes = store.has_attributes();
   return fixed_bytes(store, threads, max_jobs, least) + frame_cost(store, frames) +
          max_jobs * job_bytes_for(kLeastChunks, least, store.page_count());
 }
@@ -189,6 +212,7 @@ Result<BudgetPlan> plan_budget(const storage::StoreFile& store, const StoreShare
                                             " left"};
   }
   BudgetPlan plan;
+  plan.attributes = store.has_attributes();
   plan.group_pages = 1;  // the most tables: what follows is an upper bound
   const auto jobs = [&](std::uint64_t chunks) {
     return share.max_jobs * job_bytes_for(chunks, plan, store.page_count());

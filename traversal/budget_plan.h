@@ -29,6 +29,7 @@ struct BudgetPlan {
   std::size_t extent_bytes = 0;    ///< of rays that go at once
   std::uint64_t worker_bytes = 0;  ///< decoders, batches, stacks, the scheduler and the buffer for extents
   std::uint64_t job_bytes = 0;     ///< for each job: queues, rays, rows
+  bool attributes = false;         ///< rows may have some
 };
 
 /// Memory of one job.

@@ -70,6 +70,7 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::origin, "origin");
   info.origin = header.origin().position();
   feature(storage::Feature::proxies, "proxies");
+  feature(storage::Feature::attributes, "attributes");
   info.bounds_min = footer.bounds_min;
   info.bounds_max = footer.bounds_max;
   info.triangles = footer.triangle_count;

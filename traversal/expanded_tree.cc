@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "storage/pages/attribute_page.h"
+
 namespace raymill::traversal {
 
 using storage::PageView;
@@ -81,6 +83,9 @@ Status TreeExpander::corrupt() const {
 }
 
 Status TreeExpander::add(storage::PageId page, const std::byte* image) {
+  if (storage::AttributePageView::is_attribute_page(image)) {
+    return {};
+  }
   const PageView view(image);
   return store_.rules().width == 8 ? add_nodes<8>(page, view) : add_nodes<4>(page, view);
 }

@@ -3,6 +3,7 @@
 #include <bit>
 #include <cstring>
 
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/mask_page.h"
 
 namespace raymill::traversal {
@@ -33,7 +34,7 @@ const std::atomic<const std::byte*>* LonePage::show(std::uint32_t page, const st
   shown_ = page;
   const std::uint32_t image_bytes = storage::PageView(image).header().image_bytes;
   std::memcpy(copy_.data(), image, image_bytes);
-  if (storage::MaskPageView::is_mask_page(image)) {
+  if (storage::MaskPageView::is_mask_page(image) || storage::AttributePageView::is_attribute_page(image)) {
     images_[page].store(copy_.data());
     return images_.get();
   }

@@ -19,6 +19,10 @@ constexpr NamedField kFieldNames[] = {
     {Field::count, "count"},
     {Field::transmittance, "transmittance"},
     {Field::t_leave, "t_leave"},
+    {Field::shading_normal, "shading_normal"},
+    {Field::uv0, "uv0"},
+    {Field::uv1, "uv1"},
+    {Field::color0, "color0"},
 };
 constexpr Query kQueries[] = {Query::closest, Query::any, Query::count, Query::all, Query::transmittance, Query::spans};
 
@@ -67,21 +71,55 @@ void for_each_member(Field fields, HitType& hit, Step&& step) {
   }
 }
 
+// The same of its attributes, behind them.
+template <typename Attributes, typename Step>
+void for_each_attribute(Field fields, Attributes& attributes, Step&& step) {
+  if (has(fields, Field::shading_normal)) {
+    step(attributes.shading_normal);
+  }
+  if (has(fields, Field::uv0)) {
+    step(attributes.uv0);
+  }
+  if (has(fields, Field::uv1)) {
+    step(attributes.uv1);
+  }
+  if (has(fields, Field::color0)) {
+    step(attributes.color0);
+  }
+}
+
 }  // namespace
 
 HitLayout::HitLayout(Field fields) : fields_(fields) {
   Hit hit;
-  for_each_member(fields, hit, [this](const auto& member) { row_bytes_ += sizeof member; });
+  HitAttributes attributes;
+  const auto add = [this](const auto& member) { row_bytes_ += sizeof member; };
+  for_each_member(fields, hit, add);
+  hit_bytes_ = row_bytes_;
+  for_each_attribute(fields, attributes, add);
 }
 
-void HitLayout::write(const Hit& hit, std::byte* row) const {
-  for_each_member(fields_, hit, [&row](const auto& member) { put(row, member); });
+void HitLayout::write(const Hit& hit, std::byte* row) const { write(hit, kNoAttributes, row); }
+
+void HitLayout::write(const Hit& hit, const HitAttributes& attributes, std::byte* row) const {
+  const auto put_member = [&row](const auto& member) { put(row, member); };
+  for_each_member(fields_, hit, put_member);
+  if (has(fields_, Field::attributes)) {
+    for_each_attribute(fields_, attributes, put_member);
+  }
 }
 
 Hit HitLayout::read(const std::byte* row) const {
   Hit hit;
   for_each_member(fields_, hit, [&row](auto& member) { get(row, member); });
   return hit;
+}
+
+HitAttributes HitLayout::read_attributes(const std::byte* row) const {
+  HitAttributes attributes;
+  row += hit_bytes_;
+  for_each_attribute(fields_, attributes, [&row](auto& member) { get(row, member); });
+  return attributes;
 }
 
 std::string HitLayout::numpy_descr() const {
@@ -120,6 +158,18 @@ std::string HitLayout::numpy_descr() const {
   }
   if (has(fields_, Field::count)) {
     column("count", "<u4");
+  }
+  if (has(fields_, Field::shading_normal)) {
+    column("shading_normal", "<f4", ", (3,)");
+  }
+  if (has(fields_, Field::uv0)) {
+    column("uv0", "<f4", ", (2,)");
+  }
+  if (has(fields_, Field::uv1)) {
+    column("uv1", "<f4", ", (2,)");
+  }
+  if (has(fields_, Field::color0)) {
+    column("color0", "<f4", ", (4,)");
   }
   return text + "]";
 }
@@ -219,7 +269,8 @@ Result<Field> parse_fields(std::string_view text) {
     if (field == Field::none) {
       return {ErrorCode::invalid_argument,
               "field '" + std::string(name) +
-                  "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids, all"};
+                  "' is none of t, uv, primitive_id, geometry_id, instance_id, normal, ids, all, shading_normal, uv0, "
+                  "uv1, color0"};
     }
     fields = fields | field;
   }

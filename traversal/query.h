@@ -47,24 +47,33 @@ struct VolumeConfig {
 /// t, rounded to the nearest float32. traversal/exact.md says what decides at edges, in planes and at equal t.
 enum class Mode : std::uint8_t { watertight, fast, exact };
 
-/// What a hit row holds. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was. For
+/// What a hit row holds. The last four are what a store keeps of its triangles' corners (BuildConfig::attributes),
+/// taken to where the ray hits (storage/ATTRIBUTES.md); NaN where there is nothing to take, and only Query::closest
+/// answers them. For Query::any only `t` is answered: 0 where something was hit, +inf where nothing was. For
 /// Query::count only `count` is, for Query::transmittance only `transmittance`, and by no other query; for Query::spans
 /// `t`, `t_leave` and `geometry_id`.
 enum class Field : std::uint32_t {
   none = 0,
-  t = 1,                ///< float32, in lengths of dir
-  uv = 2,               ///< two float32: hit = (1-u-v) v0 + u v1 + v v2
-  primitive_id = 4,     ///< uint32
-  geometry_id = 8,      ///< uint32
-  instance_id = 16,     ///< uint32; 0xFFFFFFFF: flattened geometry has no instance
-  normal = 32,          ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
-  count = 64,           ///< uint32; kNoCount: the ray is invalid
-  transmittance = 128,  ///< float32, alone; NaN: the ray is invalid
-  t_leave = 256,        ///< float32: where a span ends that begins at t
+  t = 1,                 ///< float32, in lengths of dir
+  uv = 2,                ///< two float32: hit = (1-u-v) v0 + u v1 + v v2
+  primitive_id = 4,      ///< uint32
+  geometry_id = 8,       ///< uint32
+  instance_id = 16,      ///< uint32; 0xFFFFFFFF: flattened geometry has no instance
+  normal = 32,           ///< three float32: (v1-v0) x (v2-v0), normalised, not flipped
+  count = 64,            ///< uint32; kNoCount: the ray is invalid
+  transmittance = 128,   ///< float32, alone; NaN: the ray is invalid
+  t_leave = 256,         ///< float32: where a span ends that begins at t
+  shading_normal = 512,  ///< three float32: in the world, of length one
+  uv0 = 1024,            ///< two float32: TEXCOORD_0
+  uv1 = 2048,            ///< two float32: TEXCOORD_1
+  color0 = 4096,         ///< four float32: COLOR_0; alpha is 1 where the scene has none
+  attributes = shading_normal | uv0 | uv1 | color0,
   ids = primitive_id | geometry_id,
   all = 63,  ///< of a hit
 };
 constexpr Field operator|(Field a, Field b) { return Field(std::uint32_t(a) | std::uint32_t(b)); }
+constexpr Field operator&(Field a, Field b) { return Field(std::uint32_t(a) & std::uint32_t(b)); }
+constexpr Field without(Field set, Field fields) { return Field(std::uint32_t(set) & ~std::uint32_t(fields)); }
 constexpr bool has(Field set, Field field) { return (std::uint32_t(set) & std::uint32_t(field)) != 0; }
 
 constexpr Field kDefaultClosestFields = Field::t | Field::uv | Field::ids;
@@ -124,8 +133,20 @@ struct Hit {
   std::uint32_t count = 0;  ///< of crossings
 };
 
+/// Attributes of a hit. Those that were not asked for, that its triangle lacks, and those of a miss are NaN.
+struct HitAttributes {
+  static constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  std::array<float, 3> shading_normal{kNone, kNone, kNone};
+  std::array<float, 2> uv0{kNone, kNone};
+  std::array<float, 2> uv1{kNone, kNone};
+  std::array<float, 4> color0{kNone, kNone, kNone, kNone};
+};
+
+inline constexpr HitAttributes kNoAttributes{};
+
 /// Rows of hits: the asked fields, packed in the order t, t_leave, u, v, primitive_id, geometry_id, instance_id,
-/// normal, count. It is the row of the structured .npy and of the wire alike (little-endian). Immutable.
+/// normal, count, shading_normal, uv0, uv1, color0. It is the row of the structured .npy and of the wire alike
+/// (little-endian). Immutable.
 class HitLayout {
  public:
   HitLayout() = default;
@@ -133,8 +154,11 @@ class HitLayout {
 
   [[nodiscard]] Field fields() const { return fields_; }
   [[nodiscard]] std::size_t row_bytes() const { return row_bytes_; }
+  /// Attributes are NaN.
   void write(const Hit& hit, std::byte* row) const;
+  void write(const Hit& hit, const HitAttributes& attributes, std::byte* row) const;
   [[nodiscard]] Hit read(const std::byte* row) const;
+  [[nodiscard]] HitAttributes read_attributes(const std::byte* row) const;
   /// The dtype of a NumPy structured array of such rows, e.g. "[('t', '<f4'), ('primitive_id', '<u4')]"; a plain one of
   /// counts.
   [[nodiscard]] std::string numpy_descr() const;
@@ -142,6 +166,7 @@ class HitLayout {
  private:
   Field fields_ = Field::none;
   std::size_t row_bytes_ = 0;
+  std::size_t hit_bytes_ = 0;  // of those, before the attributes
 };
 
 /// The fields that a query answers when these are asked for.

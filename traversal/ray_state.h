@@ -11,6 +11,9 @@
 // A ray that waits for a texel of a mask has 12 bytes more: it stands in a leaf, before a triangle that it meets, and
 // its page is the mask's until the texel is known, then the leaf's.
 //
+// A ray that has ended and waits for attributes of its hit (attribute_fetch.h) has nothing of the last two; where it
+// knows which they are it has 36 bytes, or none, by which normals go to the world.
+//
 // A ray in the space of a placed object has its rays in both spaces with it (kernels/instance-inl.h), the id of the
 // instance and what takes normals to the world where the job asks for them.
 // In mode exact a hit has the corners of its triangle with it, 36 B more: where two hits round to the same t, exact
@@ -86,6 +89,13 @@ struct TexelWait {
 };
 static_assert(sizeof(TexelWait) == 12 && std::is_trivially_copyable_v<TexelWait>);
 
+/// What a ray that has ended still waits for, where attributes of its hit are asked for.
+enum class AttributeStep : std::uint8_t {
+  none = 0,
+  geometry = 1,  ///< the page that says where its geometry's attributes are
+  entry = 2,     ///< the page with those of its triangle: entry `node`; `level` has the attributes' bits
+};
+
 struct RayState {
   std::array<float, 3> org{};  ///< in the object's space where the ray is in one; dir alike
   std::array<float, 3> dir{};
@@ -100,13 +110,15 @@ struct RayState {
   bool has_hit = false;
   bool done = false;
   LeftNode left;
-  Hit hit;                                        ///< the nearest so far
-  std::array<std::array<float, 3>, 3> corners{};  ///< of its triangle; mode exact alone
-  PrimitiveIds skipped;                           ///< is no hit; where rays bring it
-  std::uint32_t mask = kAllMask;                  ///< where rays bring it
+  Hit hit;  ///< the nearest so far
+  /// Of its triangle; mode exact alone. At AttributeStep::entry: what takes normals to the world, column by column.
+  std::array<std::array<float, 3>, 3> corners{};
+  PrimitiveIds skipped;           ///< is no hit; where rays bring it
+  std::uint32_t mask = kAllMask;  ///< where rays bring it
   InObject object;
   bool left_object = false;  ///< waits for the node where it goes on after an object
-  TexelWait texel;           ///< stores with masks alone
+  AttributeStep attribute_step = AttributeStep::none;
+  TexelWait texel;  ///< stores with masks alone
 };
 
 /// Out of the object that the ray is in.
@@ -126,6 +138,7 @@ struct KeptExtras {
   bool instance_id = false;  ///< of the object that it is in
   bool normals = false;      ///< what takes the object's normals to the world
   bool texel = false;        ///< that it waits for; stores with masks alone
+  bool columns = false;      ///< what takes its shading normal to the world, once it waits for that
 };
 
 /// Bytes of a waiting ray. Immutable.
@@ -140,14 +153,15 @@ class RecordLayout {
         mask_bytes_(extras.mask ? sizeof(RayState::mask) : 0),
         id_bytes_(extras.instance_id ? sizeof(InObject::instance_id) : 0),
         normals_bytes_(extras.normals ? sizeof(InObject::normals) : 0),
-        texel_bytes_(extras.texel ? sizeof(TexelWait) : 0) {}
+        texel_bytes_(extras.texel ? sizeof(TexelWait) : 0),
+        columns_bytes_(extras.columns ? sizeof(RayState::corners) : 0) {}
 
   /// Of the smallest record.
   static constexpr std::size_t kLeastBytes = 36;
   /// Of the largest record.
   [[nodiscard]] std::size_t most_bytes() const {
     return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + sizeof(float) + hit_.row_bytes() + corners_bytes_ +
-           object_bytes() + texel_bytes_ + sizeof(Bitstack);
+           object_bytes() + texel_bytes_ + columns_bytes_ + sizeof(Bitstack);
   }
   [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray), level_of(ray)); }
   [[nodiscard]] std::size_t bytes(const std::byte* record) const {
@@ -185,6 +199,10 @@ class RecordLayout {
       std::memcpy(at, &ray.texel, texel_bytes_);
       at += texel_bytes_;
     }
+    if (ray.attribute_step == AttributeStep::entry) {
+      std::memcpy(at, ray.corners.data(), columns_bytes_);
+      at += columns_bytes_;
+    }
     const std::size_t stack_bytes = flags >> kStackShift;
     std::memcpy(at, ray.stack.words.data(), stack_bytes);
     return static_cast<std::size_t>(at - record) + stack_bytes;
@@ -201,8 +219,9 @@ class RecordLayout {
     ray.number = fixed.number;
     ray.node = fixed.node;
     const bool at_texel = (fixed.level & kAtTexel) == kAtTexel;
+    const bool at_attributes = is_at_attributes(fixed.level);
     ray.level = fixed.level & (at_texel ? kLevel & ~kAtTexel : kLevel);
-    ray.left_object = !at_texel && (fixed.level & kLeftObject) != 0;
+    ray.left_object = !at_texel && !at_attributes && (fixed.level & kLeftObject) != 0;
     ray.resume = static_cast<Resume>(fixed.flags & kResume);
     ray.has_hit = (fixed.flags & kHasHit) != 0;
     std::memcpy(&ray.skipped, at, skip_bytes_);
@@ -219,6 +238,13 @@ class RecordLayout {
       at += hit_.row_bytes();
       std::memcpy(ray.corners.data(), at, corners_bytes_);
       at += corners_bytes_;
+    }
+    if (at_attributes) {
+      ray.attribute_step = ray.level == 0 ? AttributeStep::geometry : AttributeStep::entry;
+      if (ray.level != 0) {
+        std::memcpy(ray.corners.data(), at, columns_bytes_);
+      }
+      return;
     }
     if ((fixed.level & kInside) != 0) {
       std::memcpy(static_cast<void*>(&ray.object), at, kObjectBytes);
@@ -239,6 +265,9 @@ class RecordLayout {
   // Both at once of what a ray that waits for a texel is not: on its way out of an object, and among volumes
   // (volume/volume_kernel.h).
   static constexpr unsigned kAtTexel = kLeftObject | 0x20;
+  // Both at once of what no ray is, and not at a texel; the level is then what is known of its attributes.
+  static constexpr unsigned kAtAttributes = kInside | kLeftObject, kMarks = kInside | kLeftObject | 0x20;
+  static bool is_at_attributes(unsigned level) { return (level & kMarks) == kAtAttributes; }
   static constexpr std::size_t kObjectBytes = offsetof(InObject, instance_id);
   static_assert(kObjectBytes == 40 && std::is_trivially_copyable_v<InObject>);
   struct Fixed {
@@ -255,7 +284,8 @@ class RecordLayout {
 
   static std::uint8_t level_of(const RayState& ray) {
     return static_cast<std::uint8_t>(ray.level | (ray.object.inside ? kInside : 0) |
-                                     (ray.left_object ? kLeftObject : 0) | (ray.texel.active() ? kAtTexel : 0));
+                                     (ray.left_object ? kLeftObject : 0) | (ray.texel.active() ? kAtTexel : 0) |
+                                     (ray.attribute_step != AttributeStep::none ? kAtAttributes : 0));
   }
   static unsigned flags_of(const RayState& ray) {
     const auto& words = ray.stack.words;
@@ -265,10 +295,12 @@ class RecordLayout {
   }
   [[nodiscard]] std::size_t object_bytes() const { return kObjectBytes + id_bytes_ + normals_bytes_; }
   [[nodiscard]] std::size_t bytes_for(unsigned flags, unsigned level) const {
-    const bool in_object = (level & kInside) != 0, at_texel = (level & kAtTexel) == kAtTexel;
+    const bool at_attributes = is_at_attributes(level);
+    const bool in_object = !at_attributes && (level & kInside) != 0, at_texel = (level & kAtTexel) == kAtTexel;
     return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
            ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (in_object ? object_bytes() : 0) +
-           (at_texel ? texel_bytes_ : 0) + (flags >> kStackShift);
+           (at_texel ? texel_bytes_ : 0) + (at_attributes && level != kAtAttributes ? columns_bytes_ : 0) +
+           (flags >> kStackShift);
   }
 
   HitLayout hit_;
@@ -278,6 +310,7 @@ class RecordLayout {
   std::size_t id_bytes_ = 0;
   std::size_t normals_bytes_ = 0;
   std::size_t texel_bytes_ = 0;
+  std::size_t columns_bytes_ = 0;
 };
 
 }  // namespace raymill::traversal

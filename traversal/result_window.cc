@@ -95,15 +95,15 @@ void ResultWindow::close_slot() {
   filling_ = kNone;
 }
 
-Result<bool> ResultWindow::complete(std::uint32_t number, const Hit& hit) {
-  RAYMILL_RETURN_IF_ERROR(add_hit(number, hit));
+Result<bool> ResultWindow::complete(std::uint32_t number, const Hit& hit, const HitAttributes& attributes) {
+  RAYMILL_RETURN_IF_ERROR(add_hit(number, hit, attributes));
   return complete(number, 1);
 }
 
-Status ResultWindow::add_hit(std::uint32_t number, const Hit& hit) {
+Status ResultWindow::add_hit(std::uint32_t number, const Hit& hit, const HitAttributes& attributes) {
   Slot& slot = slots_[number >> config_.chunk_shift];
   RAYMILL_RETURN_IF_ERROR(open_rows(slot).status());
-  write_entry(number, hit, block(slot.open) + sizeof(RowBlock) + header(slot.open).rows++ * entry_bytes());
+  write_entry(number, hit, attributes, block(slot.open) + sizeof(RowBlock) + header(slot.open).rows++ * entry_bytes());
   return {};
 }
 
@@ -117,10 +117,11 @@ bool ResultWindow::complete(std::uint32_t number, std::uint32_t rays) {
   return true;
 }
 
-void ResultWindow::write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const {
+void ResultWindow::write_entry(std::uint32_t number, const Hit& hit, const HitAttributes& attributes,
+                               std::byte* entry) const {
   const auto position = static_cast<Position>(number & (chunk_rays() - 1));
   std::memcpy(entry, &position, sizeof position);
-  config_.layout.write(hit, entry + sizeof position);
+  config_.layout.write(hit, attributes, entry + sizeof position);
 }
 
 Result<bool> ResultWindow::complete_all(std::uint32_t number, std::span<const std::byte> entries) {

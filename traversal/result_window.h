@@ -73,14 +73,17 @@ class ResultWindow {
   void close_slot();
 
   /// A ray is done. True: its chunk is. Errors: io, disk_full (a block had to go to disk).
-  Result<bool> complete(std::uint32_t number, const Hit& hit);
+  Result<bool> complete(std::uint32_t number, const Hit& hit, const HitAttributes& attributes = kNoAttributes);
   /// Bytes of a row with its place, and such an entry made of an answer; needs no lock.
   [[nodiscard]] std::size_t entry_bytes() const { return RowBlock::entry_bytes(config_.layout.row_bytes()); }
-  void write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const;
+  void write_entry(std::uint32_t number, const Hit& hit, std::byte* entry) const {
+    write_entry(number, hit, kNoAttributes, entry);
+  }
+  void write_entry(std::uint32_t number, const Hit& hit, const HitAttributes& attributes, std::byte* entry) const;
   /// Rays of one chunk, the one that `number` is of, are done: their entries. Else as complete().
   Result<bool> complete_all(std::uint32_t number, std::span<const std::byte> entries);
   /// A hit more of a ray with a list. Errors: the same.
-  Status add_hit(std::uint32_t number, const Hit& hit);
+  Status add_hit(std::uint32_t number, const Hit& hit, const HitAttributes& attributes = kNoAttributes);
   /// So many rays with lists, of the chunk that `number` is of, have all their hits. True: all of the chunk's have.
   bool complete(std::uint32_t number, std::uint32_t rays);
 

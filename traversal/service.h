@@ -76,6 +76,9 @@ class HitChunk {
   /// The packed rows, size() * layout().row_bytes() bytes, as they stand in a hits file.
   [[nodiscard]] std::span<const std::byte> rows() const { return rows_; }
   [[nodiscard]] Hit hit(std::size_t i) const { return layout_.read(rows_.data() + i * layout_.row_bytes()); }
+  [[nodiscard]] HitAttributes attributes(std::size_t i) const {
+    return layout_.read_attributes(rows_.data() + i * layout_.row_bytes());
+  }
 
  private:
   std::uint64_t index_;
@@ -118,6 +121,7 @@ struct JobStats {
   std::uint64_t proxies_taken = 0;    ///< subtrees that rays did not enter, hit or passed
   std::uint64_t masks_tested = 0;     ///< hits on triangles with a mask or one side, before it was known if they count
   std::uint64_t texels_read = 0;      ///< for those of them that no more than their place in the triangle decided
+  std::uint64_t attributes_read = 0;  ///< triangles whose attributes were looked up
   std::uint64_t rays_expanded = 0;    ///< rays that the expanded layout answered
   double expand_seconds = 0;          ///< of all workers, for laying the store out so, once
   std::uint64_t pages_entered = 0;    ///< times a ray came to a page, or to another part of one

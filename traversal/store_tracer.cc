@@ -6,6 +6,7 @@
 
 #include "storage/io/volume_table.h"
 #include "storage/pages/codec.h"
+#include "traversal/attribute_fetch.h"
 #include "traversal/engine_job.h"
 #include "traversal/simd/float_mode.h"
 #include "traversal/store_tracer_worker.h"
@@ -23,7 +24,9 @@ Field kept_fields(const TraceConfig& config, bool instances) {
   const Field ids = instances && config.mode == Mode::exact ? Field::ids | Field::instance_id : Field::ids;
   switch (config.query) {
     case Query::closest:
-      return config.fields == Field::t ? Field::t : config.fields | ids;
+      return config.fields == Field::t               ? Field::t
+             : has(config.fields, Field::attributes) ? without(config.fields, Field::attributes) | ids | Field::uv
+                                                     : config.fields | ids;
     case Query::count:
       return Field::count;
     default:
@@ -51,6 +54,11 @@ Result<std::shared_ptr<StoreTracer>> StoreTracer::create(std::shared_ptr<const s
 
 StoreTracer::StoreTracer(std::shared_ptr<const storage::StoreFile> file, const Config& config, storage::Ledger& ledger)
     : file_(std::move(file)),
+      attribute_places_(file_->has_attributes()
+                            ? storage::AttributePlaces(file_->header().attributes, file_->footer().attribute_page,
+                                                       file_->header().page_bytes, file_->footer().geometry_count,
+                                                       file_->page_count())
+                            : storage::AttributePlaces()),
       config_(config),
       ledger_(ledger),
       scheduler_(file_->page_count(), make_read_policy(config.read_order, file_->page_count(), encoded_bytes(*file_))),
@@ -137,9 +145,29 @@ Status StoreTracer::check_query(const TraceConfig& config) const {
   return {};
 }
 
+// Of what a job asks for, whatever its query answers.
+Status StoreTracer::check_attributes(const TraceConfig& config) const {
+  const storage::AttributeSet asked = attributes_for(config.fields);
+  if (asked == 0) {
+    return {};
+  }
+  if (const storage::AttributeSet lacked = asked & ~file_->header().attributes; lacked != 0) {
+    return {ErrorCode::invalid_argument, file_->path() + ": keeps no " + storage::to_string_of(lacked) +
+                                             " of its triangles; build it with --attributes " +
+                                             storage::to_string_of(asked | file_->header().attributes) +
+                                             ", or leave out the field " + to_string(fields_of(lacked))};
+  }
+  if (config_.layout == Layout::expanded) {
+    return {ErrorCode::invalid_argument,
+            file_->path() + ": the expanded layout has no attributes; for them use --layout auto"};
+  }
+  return check_attribute_query(config);
+}
+
 Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::shared_ptr<StoreTracer> self) {
   TraceJob::Setup setup;
   setup.config = config;
+  RAYMILL_RETURN_IF_ERROR(check_attributes(config));
   setup.config.fields = answered_fields(config.query, config.fields);
   RAYMILL_RETURN_IF_ERROR(check_query(setup.config));
   const storage::PageRules rules = file_->rules();
@@ -157,7 +185,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
     setup.start_page = storage::PageId{first.page};
     setup.kernel_name = volume_kernel_name(config);
   }
-  if (future_demand_ && !setup.among_volumes) {
+  const bool attributes = has(setup.config.fields, Field::attributes);
+  if (future_demand_ && !setup.among_volumes && !attributes) {
     setup.future_demand = std::make_unique<FutureDemand::Share>(future_demand_);
   }
 
@@ -170,7 +199,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
                                       .mask = config.masks,
                                       .instance_id = has(kept | setup.config.fields, Field::instance_id),
                                       .normals = has(setup.config.fields, Field::normal),
-                                      .texel = file_->has_masks()});
+                                      .texel = file_->has_masks(),
+                                      .columns = has(setup.config.fields, Field::shading_normal)});
   plan.waiting.directory = config_.spill_directory;
   plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 
@@ -185,7 +215,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
   RAYMILL_ASSIGN_OR_RETURN(setup.crossings_claim,
                            ledger_.claim(storage::Tag::results, plan.crossings * sizeof(Crossing)));
   setup.crossings.resize(plan.crossings / config_.share.threads * config_.share.threads);
-  const bool through_pages = config.tolerance != 0 || config.tolerance_angle != 0;  // which have the proxies
+  // Which have the proxies, and the attributes.
+  const bool through_pages = config.tolerance != 0 || config.tolerance_angle != 0 || attributes;
   if (fresh_claim_.bytes() > 0 && !through_pages) {
     RAYMILL_ASSIGN_OR_RETURN(setup.fresh,
                              FreshRays::create({config_.share.threads, config.skips, config.masks}, ledger_));
@@ -350,6 +381,7 @@ void StoreTracer::run_batch(Worker& worker, storage::PageId page, WorkLock& lock
   job->stats.proxies_taken += counters.kernel.proxies_taken;
   job->stats.masks_tested += counters.kernel.masks_tested;
   job->stats.texels_read += counters.kernel.texels_read;
+  job->stats.attributes_read += counters.attributes_read;
   if (counters.corrupt && job->status.ok()) {
     job->status = {ErrorCode::corrupt, file_->path() +
                                            ": has pages whose references do not fit each other; build it "
@@ -387,10 +419,13 @@ void StoreTracer::take_crossings(TraceJob& job, std::span<const Crossing> crossi
 // Done rays complete their chunks; the others join the queues of the pages they need. True: a chunk is done.
 Result<bool> StoreTracer::settle(Worker& worker, TraceJob& job) {
   bool chunk_done = false;
-  for (const RayState& ray : worker.rays) {
-    if (ray.done) {
-      const Result<bool> done = job.window->has_lists() ? Result<bool>(job.window->complete(ray.number, 1))
-                                                        : job.window->complete(ray.number, ray.hit);
+  const bool attributes = has(job.config.fields, Field::attributes);
+  for (std::size_t i = 0; i < worker.rays.size(); ++i) {
+    if (const RayState& ray = worker.rays[i]; ray.done) {
+      const Result<bool> done =
+          job.window->has_lists()
+              ? Result<bool>(job.window->complete(ray.number, 1))
+              : job.window->complete(ray.number, ray.hit, attributes ? worker.attributes[i] : kNoAttributes);
       RAYMILL_RETURN_IF_ERROR(done.status());
       chunk_done = chunk_done || *done;
       ++job.rays_done;

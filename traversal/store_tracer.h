@@ -30,6 +30,7 @@
 #include "storage/cache/page_cache.h"
 #include "storage/io/page_reader.h"
 #include "storage/io/store_file.h"
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/codec.h"
 #include "traversal/budget_plan.h"
 #include "traversal/fresh_rays.h"
@@ -59,6 +60,8 @@ constexpr std::uint32_t kBatchSlack = RayPool::records_per_chunk(RecordLayout::k
 constexpr std::size_t kSortedRays = std::size_t{64} << 10;
 /// Answers of a block of fresh rays, and their entries in the result window.
 constexpr std::uint64_t kFreshWorkerBytes = FreshRays::kBlockRays * (2 * sizeof(Hit) + sizeof(std::uint16_t));
+/// Of a store with attributes: those of a batch's rays.
+constexpr std::uint64_t kAttributeWorkerBytes = (kBatchRays + kBatchSlack) * sizeof(HitAttributes);
 /// A batch, and the order in which its rays are parked.
 constexpr std::uint64_t kWorkerBytes = (kBatchRays + kBatchSlack) * (sizeof(RayState) + 2 * sizeof(std::uint64_t));
 
@@ -141,10 +144,13 @@ class StoreTracer {
   [[nodiscard]] std::uint64_t expansion_bytes(const StoreShare& share) const;
   struct BatchCounters {
     KernelCounters kernel;
+    std::uint64_t attributes_read = 0;
     bool corrupt = false;
   };
   BatchCounters trace_batch(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image,
                             CrossingBuffer* crossings);
+  BatchCounters trace_rays(Worker& worker, const TraceJob& job, storage::PageId page, const std::byte* image,
+                           CrossingBuffer* crossings);
   BatchCounters trace_volumes(Worker& worker, const TraceJob& job, storage::PageId page,
                               CrossingBuffer* crossings) const;
   void wait_for_work(WorkLock& lock);
@@ -167,11 +173,13 @@ class StoreTracer {
   [[nodiscard]] PageState state_of(storage::PageId page) const;
   [[nodiscard]] storage::PageId root_page() const { return storage::PageId{file_->footer().root_page}; }
   [[nodiscard]] Status check_query(const TraceConfig& config) const;
+  [[nodiscard]] Status check_attributes(const TraceConfig& config) const;
   void fail_waiting(storage::PageId page, const Status& status);
   void remove_job(TraceJob& job);
 
   const std::shared_ptr<const storage::StoreFile> file_;
   std::vector<storage::Volume> volumes_;  // by their index; set once
+  const storage::AttributePlaces attribute_places_;
   const Config config_;
   storage::Ledger& ledger_;
   storage::BudgetReservation workers_claim_;

@@ -143,9 +143,9 @@ void StoreTracer::end_expansion(Result<std::unique_ptr<ExpandedTree>> tree) {
   work_wake_.notify_all();
 }
 
-// Runs worker.rays.
-StoreTracer::BatchCounters StoreTracer::trace_batch(Worker& worker, const TraceJob& job, storage::PageId page,
-                                                    const std::byte* image, CrossingBuffer* crossings) {
+// Runs worker.rays to their ends, or to pages that are not there.
+StoreTracer::BatchCounters StoreTracer::trace_rays(Worker& worker, const TraceJob& job, storage::PageId page,
+                                                   const std::byte* image, CrossingBuffer* crossings) {
   std::span<RayState> rays = worker.rays;
   if (job.among_volumes && (image == nullptr || storage::VolumePageView::is_volume_page(image))) {
     return trace_volumes(worker, job, page, crossings);

@@ -66,6 +66,7 @@ struct StoreTracer::Worker {
   storage::PageDecoder decoder;
   std::vector<RayState> rays;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> parked;  // page, index in rays
+  std::vector<HitAttributes> attributes;                        // [rays], in a job that asks for some
   // Of a block of fresh rays, once there is one.
   std::vector<Hit> hits;
   std::vector<std::byte> entries;

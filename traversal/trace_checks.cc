@@ -42,6 +42,20 @@ Status check_tolerance(const TraceConfig& config) {
   return {};
 }
 
+Status check_attribute_query(const TraceConfig& config) {
+  if (config.query != Query::closest) {
+    return {ErrorCode::invalid_argument, "only the query closest answers the fields " +
+                                             to_string(config.fields & Field::attributes) +
+                                             "; leave them out, or ask it"};
+  }
+  if (config.tolerance != 0 || config.tolerance_angle != 0) {
+    return {ErrorCode::invalid_argument, "hits within a tolerance lie on no triangle, so they have no " +
+                                             to_string(config.fields & Field::attributes) +
+                                             "; leave out the fields, or the tolerance"};
+  }
+  return {};
+}
+
 Status check(const VolumeConfig& config) {
   const auto positive = [](double value) { return value > 0 && std::isfinite(value); };
   if (config.method == VolumeMethod::march && !positive(config.step)) {

@@ -10,6 +10,8 @@ namespace raymill::traversal {
 Status check(const TraceConfig& config);
 /// Of a job with a tolerance.
 Status check_tolerance(const TraceConfig& config);
+/// Of a job that asks for attributes.
+Status check_attribute_query(const TraceConfig& config);
 /// Of a job for fog.
 Status check(const VolumeConfig& config);
 

@@ -135,6 +135,12 @@ Verb add_build(CLI::App& app) {
       ->type_name("CUTOFF");
   verb->add_flag("--cull-back-faces", options->config.cull_back_faces,
                  "Let rays pass from the back where a material is not doubleSided; left out: both sides are hit");
+  verb->add_option(
+          "--attributes", options->config.attributes,
+          "Keep attributes of the triangles' corners in pages of their own: some of normal, uv0, uv1, color0, "
+          "with commas between them; 'raymill trace --fields shading_normal,uv0,uv1,color0' then gives them at "
+          "each hit. Of glTF alone; left out: none")
+      ->type_name("NAMES");
   verb->add_option("--threads", options->config.threads, "Threads; 0: one for each core")
       ->type_name("N")
       ->capture_default_str();

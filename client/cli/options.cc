@@ -142,11 +142,13 @@ void QueryOptions::add_to(CLI::App& app) {
       "watertight: no ray passes between triangles that share an edge (default). fast: float32 only. exact: the hit "
       "of exact arithmetic, t rounded once",
       "MODE");
-  add_parsed(app, "--fields", fields_, parse_fields,
-             "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all. "
-             "Default: t,uv,primitive_id,geometry_id; for --query any: t; for --query "
-             "count: count; for --query transmittance: transmittance; for --query spans: t,t_leave,geometry_id",
-             "LIST");
+  add_parsed(
+      app, "--fields", fields_, parse_fields,
+      "What a hit holds, separated by commas: t, uv, primitive_id, geometry_id, instance_id, normal, ids, all; and "
+      "where the store was built with --attributes: shading_normal, uv0, uv1, color0 (NaN where there are none). "
+      "Default: t,uv,primitive_id,geometry_id; for --query any: t; for --query "
+      "count: count; for --query transmittance: transmittance; for --query spans: t,t_leave,geometry_id",
+      "LIST");
 }
 
 void QueryOptions::add_lists_to(CLI::App& app) {

@@ -99,6 +99,15 @@ std::string masks_text(const json& masks) {
          " beside the triangles when decoded; layout compact";
 }
 
+std::string attributes_text(const json& attributes) {
+  const auto number = [&](const char* key) {
+    return attributes.is_object() ? attributes.value(key, std::uint64_t{0}) : 0;
+  };
+  return (attributes.is_object() ? attributes.value("kept", "") : "") + " of " + std::to_string(number("entries")) +
+         " triangles in " + std::to_string(number("pages")) + " pages (" + format_bytes(number("encoded_bytes")) +
+         ", " + format_bytes(number("decoded_bytes")) + " decoded); jobs that ask for them: layout compact";
+}
+
 }  // namespace
 
 json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memory_bytes, unsigned threads) {
@@ -140,6 +149,7 @@ json stats_json(const JobStats& stats, const RunTimes& times, std::uint64_t memo
           {"triangles_tested", stats.triangles_tested},
           {"masks_tested", stats.masks_tested},
           {"texels_read", stats.texels_read},
+          {"attributes_read", stats.attributes_read},
           {"pages_entered", stats.pages_entered},
           {"proxies_taken", stats.proxies_taken},
           {"rays_parked", stats.rays_parked},
@@ -190,7 +200,7 @@ json info_json(const StoreInfo& info, const InfoExtras& extras) {
   for (const char* key : {"import", "geometries", "cameras"}) {
     object[key] = metadata.is_object() && metadata.contains(key) ? metadata[key] : json();
   }
-  for (const char* key : {"volumes", "lattice", "masks"}) {
+  for (const char* key : {"volumes", "lattice", "masks", "attributes"}) {
     if (metadata.is_object() && metadata.contains(key)) {
       object[key] = metadata[key];
     }
@@ -229,6 +239,9 @@ std::string info_text(const StoreInfo& info, const InfoExtras& extras) {
   const json metadata = parsed(info.metadata_json);
   if (metadata.is_object() && metadata.contains("masks")) {
     text += line("masks", masks_text(metadata["masks"]));
+  }
+  if (metadata.is_object() && metadata.contains("attributes")) {
+    text += line("attributes", attributes_text(metadata["attributes"]));
   }
   if (metadata.is_object() && metadata.contains("volumes")) {
     for (const json& volume : metadata["volumes"]) {
@@ -271,6 +284,10 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"mask_pages", report.mask_pages},
       {"mask_bytes", report.mask_bytes},
       {"mask_section_bytes", report.mask_section_bytes},
+      {"attribute_entries", report.attribute_entries},
+      {"attribute_pages", report.attribute_pages},
+      {"attribute_bytes", report.attribute_bytes},
+      {"attribute_decoded_bytes", report.attribute_decoded_bytes},
       {"sah_cost", report.sah_cost},
       {"max_displacement", report.max_displacement},
       {"origin", report.origin},
@@ -308,6 +325,10 @@ std::string build_text(const BuildReport& report, const std::string& output) {
   if (report.masks > 0) {
     text += std::to_string(report.masks) + " masks in " + std::to_string(report.mask_pages) + " pages (" +
             format_bytes(report.mask_bytes) + ")\n";
+  }
+  if (report.attribute_entries > 0) {
+    text += "attributes of " + std::to_string(report.attribute_entries) + " triangles in " +
+            std::to_string(report.attribute_pages) + " pages (" + format_bytes(report.attribute_bytes) + ")\n";
   }
   if (report.max_displacement > 0) {
     text += formatted("largest displacement of a vertex: %g scene units", report.max_displacement) +

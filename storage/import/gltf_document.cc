@@ -181,11 +181,14 @@ int GltfDocument::indices_of(const tinygltf::Primitive& primitive) {
 }
 
 Result<GltfDocument> GltfDocument::load(const ByteSource& file, const GltfContainer& container, Ledger& ledger,
-                                        const MaskRule& masks) {
+                                        const MaskRule& masks, AttributeSet attributes) {
   GltfDocument document;
   RAYMILL_ASSIGN_OR_RETURN(JsonTree tree, read_tree(file, container, ledger));
   if (masks.masks || masks.blend_cutoff || masks.one_side) {
     RAYMILL_ASSIGN_OR_RETURN(document.materials_, read_materials(tree.root, masks, ledger));
+  }
+  if (attributes != 0) {
+    RAYMILL_ASSIGN_OR_RETURN(document.attribute_sources_, read_attribute_sources(tree.root, attributes, ledger));
   }
   RAYMILL_RETURN_IF_ERROR(normalize(tree.root));
   RAYMILL_RETURN_IF_ERROR(check_version(tree.root["asset"]));

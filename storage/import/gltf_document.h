@@ -15,6 +15,7 @@
 #include "storage/base/ledger.h"
 #include "storage/base/status.h"
 #include "storage/import/byte_source.h"
+#include "storage/import/gltf_attribute_sources.h"
 #include "storage/import/gltf_container.h"
 #include "storage/import/gltf_materials.h"
 #include "storage/import/gltf_meshopt.h"
@@ -40,7 +41,7 @@ class GltfDocument {
   /// Reads the JSON part of `file`. Claims for the parse and for the model.
   /// Errors: bad_scene, unsupported (a required extension, by name; another glTF version), io, budget_exceeded.
   static Result<GltfDocument> load(const ByteSource& file, const GltfContainer& container, Ledger& ledger,
-                                   const MaskRule& masks = {});
+                                   const MaskRule& masks = {}, AttributeSet attributes = 0);
 
   GltfDocument(GltfDocument&&) noexcept;
   GltfDocument& operator=(GltfDocument&&) noexcept;
@@ -55,6 +56,8 @@ class GltfDocument {
   [[nodiscard]] std::uint64_t meshopt_views() const { return meshopt_views_; }
   /// What of its materials matters by the rule that it was loaded with; nothing where that asks for nothing.
   [[nodiscard]] const GltfMaterials& materials() const { return materials_; }
+  /// Which accessors hold the attributes that it was loaded with; nothing where those are none.
+  [[nodiscard]] const GltfAttributeSources& attribute_sources() const { return attribute_sources_; }
   /// True where integer positions are allowed (KHR_mesh_quantization).
   [[nodiscard]] bool quantization() const { return quantization_; }
 
@@ -69,6 +72,7 @@ class GltfDocument {
   std::vector<BufferDeclaration> buffers_;
   std::vector<std::string> ignored_extensions_;
   GltfMaterials materials_;
+  GltfAttributeSources attribute_sources_;
   bool quantization_ = false;
   std::uint64_t meshopt_views_ = 0;
 };

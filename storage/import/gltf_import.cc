@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "storage/import/extent.h"
+#include "storage/import/gltf_attributes.h"
 #include "storage/import/gltf_buffers.h"
 #include "storage/import/gltf_container.h"
 #include "storage/import/gltf_document.h"
@@ -45,7 +46,8 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
   RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
   RAYMILL_ASSIGN_OR_RETURN(
       GltfDocument document,
-      GltfDocument::load(file.bytes, container, ledger, options.masks != nullptr ? options.mask_rule : MaskRule()));
+      GltfDocument::load(file.bytes, container, ledger, options.masks != nullptr ? options.mask_rule : MaskRule(),
+                         options.attribute_sink != nullptr ? options.attributes : 0));
   RAYMILL_ASSIGN_OR_RETURN(GltfScene scene, place_nodes(document.model(), options.scene, ledger));
   RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
                            ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
@@ -66,8 +68,14 @@ Status import_scene(const SceneFile& file, const ImportOptions& options, Ledger&
     masks.emplace(
         GltfMasks::Config{document, document.materials(), buffers, file.folder, *options.masks, ledger, report});
   }
-  Status status =
-      import_nodes({document, buffers, ledger, writer, report, masks ? &*masks : nullptr}, scene, file.name, options);
+  std::optional<GltfAttributes> attributes;
+  if (options.attribute_sink != nullptr && options.attributes != 0) {
+    attributes.emplace(
+        GltfAttributes::Config{document, buffers, options.attributes, *options.attribute_sink, ledger, report});
+  }
+  Status status = import_nodes(
+      {document, buffers, ledger, writer, report, masks ? &*masks : nullptr, attributes ? &*attributes : nullptr},
+      scene, file.name, options);
   sink_failed = writer.sink_failed();
   return status;
 }

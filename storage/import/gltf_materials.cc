@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "storage/import/json_members.h"
 #include "storage/import/message.h"
 
 namespace raymill::storage {
@@ -12,23 +13,6 @@ namespace raymill::storage {
 namespace {
 
 using nlohmann::json;
-
-const json& member(const json& object, const char* key) {
-  static const json kNone;
-  if (!object.is_object()) {
-    return kNone;
-  }
-  const auto it = object.find(key);
-  return it == object.end() ? kNone : *it;
-}
-
-std::size_t size_of(const json& section) { return section.is_array() ? section.size() : 0; }
-
-// An index below `size`, or -1 where it is none.
-int index_below(const json& value, std::size_t size) {
-  return value.is_number_unsigned() && value.get<std::uint64_t>() < size ? static_cast<int>(value.get<std::uint64_t>())
-                                                                         : -1;
-}
 
 // A finite number; `otherwise` where there is none.
 std::optional<double> finite_number(const json& value, double otherwise) {

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "storage/import/gltf_attributes.h"
 #include "storage/import/gltf_masks.h"
 #include "storage/import/gltf_placements.h"
 #include "storage/import/message.h"
@@ -165,6 +166,7 @@ class NodeImport {
   Status place(const Visit& visit, std::uint64_t copy, const Transform& world_from_mesh) {
     const std::size_t primitives = visit.source.primitives.size();
     const auto base = static_cast<std::uint32_t>(visit.first_id + copy * primitives);
+    RAYMILL_RETURN_IF_ERROR(place_attributes(visit, base, world_from_mesh));
     if (visit.mesh.object && can_place(*visit.mesh.object, world_from_mesh)) {
       ImportReport& report = context_.report;
       for (std::size_t i = 0; i < primitives; ++i) {
@@ -184,6 +186,17 @@ class NodeImport {
     }
     for (std::size_t i = 0; i < primitives; ++i) {
       RAYMILL_RETURN_IF_ERROR(import_one(visit, i, base + static_cast<std::uint32_t>(i), world_from_mesh));
+    }
+    return {};
+  }
+
+  Status place_attributes(const Visit& visit, std::uint32_t base, const Transform& world_from_mesh) {
+    for (std::size_t i = 0; context_.attributes != nullptr && i < visit.source.primitives.size(); ++i) {
+      const int mesh = node_of(visit.placed).mesh;
+      const Status status = context_.attributes->place(mesh, i, base + static_cast<std::uint32_t>(i), world_from_mesh);
+      if (!status.ok()) {
+        return in_context(message("meshes[", mesh, "].primitives[", i, "]"), status);
+      }
     }
     return {};
   }

@@ -21,6 +21,7 @@ struct Primitive;
 
 namespace raymill::storage {
 
+class GltfAttributes;
 class GltfMasks;
 
 /// What all primitives of an import share.
@@ -30,7 +31,8 @@ struct PrimitiveContext {
   Ledger& ledger;
   TriangleWriter& out;
   ImportReport& report;
-  GltfMasks* masks = nullptr;  ///< none: everything is opaque and has two sides
+  GltfMasks* masks = nullptr;            ///< none: everything is opaque and has two sides
+  GltfAttributes* attributes = nullptr;  ///< none: none are asked for
 };
 
 /// Scratch of one primitive beside its own claims: a piece of raw and of placed corners, of raw and of read indices.

@@ -87,12 +87,12 @@ constexpr JsonField kPrimitiveExtensionsFields[] = {{"KHR_draco_mesh_compression
 constexpr JsonObject kPrimitiveExtensions{kPrimitiveExtensionsFields};
 
 constexpr JsonField kAttributesFields[] = {{"POSITION", Kind::index, false, "accessors"}};
-constexpr JsonObject kAttributes{kAttributesFields};
+constexpr JsonObject kPrimitiveAttributes{kAttributesFields};
 
 constexpr JsonObject kMorphTarget{};
 
 constexpr JsonField kPrimitiveFields[] = {
-    {"attributes", Kind::object, true, {}, &kAttributes},
+    {"attributes", Kind::object, true, {}, &kPrimitiveAttributes},
     {"indices", Kind::index, false, "accessors"},
     {"mode", Kind::integer},
     {"targets", Kind::objects, false, {}, &kMorphTarget},

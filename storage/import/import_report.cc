@@ -21,6 +21,10 @@ std::string_view to_string(ImportCode code) {
       return "opaque_under_masks";
     case ImportCode::opaque_without_texcoords:
       return "opaque_without_texcoords";
+    case ImportCode::attributes_missing:
+      return "attributes_missing";
+    case ImportCode::attributes_not_finite:
+      return "attributes_not_finite";
     case ImportCode::left_out_points:
       return "left_out_points";
     case ImportCode::left_out_lines:

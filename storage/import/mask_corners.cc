@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "storage/import/accessor_elements.h"
 #include "storage/import/gltf_accessor.h"
 #include "storage/import/gltf_draco.h"
 #include "storage/import/message.h"
@@ -14,26 +15,6 @@ namespace raymill::storage {
 namespace {
 
 constexpr const char* kDracoExtension = "KHR_draco_mesh_compression";
-
-// Calls take(vertex, components) for all elements of an accessor.
-template <std::size_t N, typename Take>
-Status for_each_element(GltfAccessor accessor, Take&& take) {
-  std::vector<std::byte> raw(kPieceCorners * accessor.element_bytes());
-  const std::uint32_t step = size_bytes(accessor.type());
-  for (std::uint64_t first = 0; first < accessor.count(); first += kPieceCorners) {
-    const std::size_t taken = std::min<std::uint64_t>(kPieceCorners, accessor.count() - first);
-    RAYMILL_RETURN_IF_ERROR(accessor.read(first, std::span(raw).first(taken * accessor.element_bytes())));
-    for (std::size_t i = 0; i < taken; ++i) {
-      std::array<double, N> values{};
-      for (std::size_t k = 0; k < N; ++k) {
-        values[k] = component_value(raw.data() + i * accessor.element_bytes() + k * step, accessor.type(),
-                                    accessor.normalized());
-      }
-      take(first + i, values);
-    }
-  }
-  return {};
-}
 
 Status other_count(int accessor, std::uint64_t count, std::uint64_t vertices) {
   return bad_scene("accessors[", accessor, "] has ", count, " elements for ", vertices, " vertices");

@@ -20,6 +20,7 @@
 #include "storage/base/status.h"
 #include "storage/base/vec3.h"
 #include "storage/base/volume.h"
+#include "storage/import/attribute_sink.h"
 #include "storage/import/mask_sink.h"
 
 namespace raymill::storage {
@@ -50,6 +51,8 @@ enum class ImportCode : std::uint16_t {
   masked_triangles = 306,          ///< with a mask that cuts something out of them
   opaque_under_masks = 307,        ///< of a material with a mask that cuts nothing out of them
   opaque_without_texcoords = 308,  ///< of such a material, with texture coordinates that are not finite or too large
+  attributes_missing = 309,        ///< primitives of meshes that lack an attribute which is asked for
+  attributes_not_finite = 310,     ///< vertices with an attribute that is NaN or infinite, kept as it is
 };
 std::string_view to_string(ImportCode code);
 
@@ -100,6 +103,15 @@ struct MaskBytes {
   std::uint64_t section_bytes = 0;  ///< of what pages of triangles hold for them, decoded
 };
 
+/// What attributes take in a store.
+struct AttributeBytes {
+  AttributeSet set = 0;
+  std::uint64_t entries = 0;  ///< triangles that have some; those of a mesh once
+  std::uint64_t pages = 0;
+  std::uint64_t encoded_bytes = 0;  ///< of those, in the store
+  std::uint64_t decoded_bytes = 0;
+};
+
 struct ImportReport {
   std::map<ImportCode, std::uint64_t> counts;
   std::vector<GeometryInfo> geometries;  ///< rising by id
@@ -107,6 +119,7 @@ struct ImportReport {
   std::vector<CameraInfo> cameras;
   std::vector<VolumeInfo> volumes;
   MaskBytes masks;
+  AttributeBytes attributes;
   std::vector<std::string> ignored_extensions;  ///< sorted, each once
   std::uint64_t instances = 0;                  ///< placements of objects; the next one's id
   std::uint64_t triangles = 0;                  ///< in the input, of every placement
@@ -162,7 +175,9 @@ struct ImportOptions {
   /// Subtracted in float64 from every position before it is rounded, and from where objects are placed. Cameras stay.
   std::array<double, 3> origin{};
   MaskRule mask_rule = {};
-  MaskSink* masks = nullptr;  ///< none: everything is opaque, whatever the rule
+  MaskSink* masks = nullptr;    ///< none: everything is opaque, whatever the rule
+  AttributeSet attributes = 0;  ///< of triangles' corners, to be kept; glTF alone has them
+  AttributeSink* attribute_sink = nullptr;
 };
 
 /// Takes triangles as they come, and none now and then while much is read that gives none, so that a long import can be

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "storage/import/extent.h"
+#include "storage/import/message.h"
 #include "storage/import/ply_body.h"
 #include "storage/import/ply_header.h"
 #include "storage/import/scene_format.h"

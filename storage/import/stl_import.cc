@@ -9,6 +9,7 @@
 #include "storage/import/message.h"
 #include "storage/import/stl_layout.h"
 #include "storage/import/text_reader.h"
+#include "storage/import/transform.h"
 
 namespace raymill::storage {
 

@@ -44,10 +44,11 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
       RAYMILL_RETURN_IF_ERROR(builder->add_volumes(config.scenes[i]));
       continue;
     }
-    RAYMILL_RETURN_IF_ERROR(import_scene(config.scenes[i],
-                                         {config.scene_index, builder->instance_rule(), builder.get(),
-                                          builder->origin().position(), builder->mask_rule(), builder.get()},
-                                         builder->ledger(), *builder, builder->import_report()));
+    RAYMILL_RETURN_IF_ERROR(
+        import_scene(config.scenes[i],
+                     {config.scene_index, builder->instance_rule(), builder.get(), builder->origin().position(),
+                      builder->mask_rule(), builder.get(), builder->attributes(), builder.get()},
+                     builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }
@@ -105,6 +106,10 @@ StoreWriter::~StoreWriter() = default;
 Result<StoreWriter> StoreWriter::create(const BuildConfig& config) {
   if (!config.scenes.empty() || config.scene_index) {
     return {ErrorCode::invalid_argument, "a StoreWriter reads no scene files; call build() for them"};
+  }
+  if (!config.attributes.empty()) {
+    return {ErrorCode::invalid_argument,
+            "a StoreWriter's meshes have no attributes; leave BuildConfig::attributes out"};
   }
   const DefaultFloatMode float_mode;
   auto impl = std::make_unique<Impl>(config);

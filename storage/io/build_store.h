@@ -36,11 +36,15 @@ struct BuildConfig {
   bool ignore_alpha = false;                   ///< no triangle is cut out by a mask, whatever its material says
   std::optional<double> blend_as_mask = {};    ///< materials of mode BLEND are masks with this cutoff; none: opaque
   bool cull_back_faces = false;                ///< rays pass a triangle from its back where its material has one side
+  /// Attributes of triangles' corners to keep, for the fields shading_normal, uv0, uv1 and color0: some of "normal",
+  /// "uv0", "uv1", "color0" with commas between them; "": none. glTF alone has them. A StoreWriter takes none.
+  std::string attributes = {};
   /// What positions are kept relative to: "auto" (a point of the first scene where that lies far out, else the world's
   /// zero), "none" (the world's zero) or "X,Y,Z". A StoreWriter takes "auto" for "none".
   std::string origin = "auto";
   unsigned threads = 0;  ///< 0: one for each core; the bytes of the store do not depend on it
-  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "masks", "build", "volumes")
+  /// Called now and then, from one thread at a time, with a phase ("import", "partition", "masks", "build",
+  /// "attributes", "volumes")
   /// and a fraction in [0,1]; returns false to stop the build (interrupted).
   std::function<bool(const char* phase, double fraction)> progress = {};
 };
@@ -61,7 +65,11 @@ struct BuildReport {
   std::uint64_t mask_pages = 0;          ///< of their texels
   std::uint64_t mask_bytes = 0;          ///< of those in the store
   std::uint64_t mask_section_bytes = 0;  ///< that pages of triangles hold for masks, decoded
-  std::array<double, 3> origin{};        ///< what positions are relative to, in the world
+  std::uint64_t attribute_entries = 0;   ///< triangles whose attributes are kept; those of a mesh once
+  std::uint64_t attribute_pages = 0;
+  std::uint64_t attribute_bytes = 0;  ///< of those in the store
+  std::uint64_t attribute_decoded_bytes = 0;
+  std::array<double, 3> origin{};     ///< what positions are relative to, in the world
   double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
   double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
   double rms_displacement = 0;        ///< the same, root of the mean square over the corners of all triangles

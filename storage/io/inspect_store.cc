@@ -7,6 +7,7 @@
 #include "storage/io/build_store.h"
 #include "storage/io/store_file.h"
 #include "storage/io/volume_table.h"
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/codec.h"
 #include "storage/pages/mask_page.h"
 #include "storage/pages/masked_section.h"
@@ -202,6 +203,71 @@ nlohmann::ordered_json volume_page_json(const VolumePageView& view) {
   return json;
 }
 
+nlohmann::ordered_json attribute_page_json(const AttributePageView& view) {
+  const AttributePageHeader& header = view.header();
+  nlohmann::ordered_json json{{"attributes", to_string_of(header.attributes)}, {"count", header.count}};
+  if (header.kind == AttributePageKind::geometries) {
+    for (std::uint32_t i = 0; i < header.count; ++i) {
+      const AttributeGeometry& geometry = view.geometry(i);
+      json["geometries"].push_back({{"first_entry", geometry.first_entry},
+                                    {"triangles", geometry.triangle_count},
+                                    {"present", to_string_of(geometry.present)},
+                                    {"normal_columns", geometry.normal_columns}});
+    }
+    return json;
+  }
+  const std::size_t floats = corner_floats(header.attributes);
+  for (std::uint32_t i = 0; i < header.count; ++i) {
+    nlohmann::ordered_json corners = nlohmann::ordered_json::array();
+    for (std::size_t corner = 0; corner < 3; ++corner) {
+      const float* first = view.entry(i) + corner * floats;
+      corners.push_back(std::vector<float>(first, first + floats));
+    }
+    json["entries"].push_back(std::move(corners));
+  }
+  return json;
+}
+
+// Checks the pages of attributes of a store one after the other, in the order of their numbers.
+class AttributeCheck {
+ public:
+  explicit AttributeCheck(const StoreFile& store) : geometry_count_(store.footer().geometry_count) {
+    if (store.has_attributes()) {
+      places_ = AttributePlaces(store.header().attributes, store.footer().attribute_page, store.header().page_bytes,
+                                geometry_count_, store.page_count());
+    }
+  }
+
+  /// Geometries' pages come first, and are full; what they name must be there.
+  Status add(std::uint32_t page, const AttributePageView& view) {
+    const AttributePageHeader& header = view.header();
+    const bool of_geometries = header.kind == AttributePageKind::geometries;
+    const std::uint32_t first = of_geometries ? places_.first_page : places_.entries_page;
+    const std::uint64_t before =
+        std::uint64_t{page - first} * (of_geometries ? places_.geometries_per_page : places_.entries_per_page);
+    std::uint64_t& count = of_geometries ? geometries_ : entries_;
+    if (page < first || (of_geometries && page >= places_.entries_page) || count != before) {
+      return {ErrorCode::corrupt, "holds attributes where others should stand"};
+    }
+    count += header.count;
+    for (std::uint32_t i = 0; of_geometries && i < header.count; ++i) {
+      const AttributeGeometry& geometry = view.geometry(i);
+      if (geometry.present != 0) {
+        named_ = std::max(named_, geometry.first_entry + geometry.triangle_count);
+      }
+    }
+    return {};
+  }
+  [[nodiscard]] bool adds_up() const {
+    return places_.set == 0 || (geometries_ == geometry_count_ && named_ <= entries_);
+  }
+
+ private:
+  const std::uint64_t geometry_count_;
+  AttributePlaces places_;
+  std::uint64_t geometries_ = 0, entries_ = 0, named_ = 0;
+};
+
 }  // namespace
 
 Result<VerifyReport> verify(const std::string& path) {
@@ -217,6 +283,7 @@ Result<VerifyReport> verify(const std::string& path) {
   RAYMILL_ASSIGN_OR_RETURN(const std::vector<Volume> volumes, read_volumes(*store));
   VerifyReport report;
   report.volumes = volumes.size();
+  AttributeCheck attributes(*store);
   std::uint64_t decoded_bytes = 0;
   for (std::uint32_t i = 0; i < store->page_count(); ++i) {
     const PageId page{i};
@@ -228,9 +295,11 @@ Result<VerifyReport> verify(const std::string& path) {
     }
     const bool holds_volume = VolumePageView::is_volume_page(frame.data());
     const bool holds_masks = MaskPageView::is_mask_page(frame.data());
-    const Status bounds = holds_volume  ? check_bounds(frame.data(), volumes)
-                          : holds_masks ? Status()
-                                        : check_boxes(frame.data());
+    const bool holds_attributes = AttributePageView::is_attribute_page(frame.data());
+    const Status bounds = holds_volume       ? check_bounds(frame.data(), volumes)
+                          : holds_masks      ? Status()
+                          : holds_attributes ? attributes.add(i, AttributePageView(frame.data()))
+                                             : check_boxes(frame.data());
     if (!bounds.ok()) {
       return store->page_fault(page, bounds);
     }
@@ -239,7 +308,7 @@ Result<VerifyReport> verify(const std::string& path) {
     }
     if (holds_volume) {
       report.bricks += VolumePageView(frame.data()).header().brick_count;
-    } else if (!holds_masks) {
+    } else if (!holds_masks && !holds_attributes) {
       report.triangles += PageView(frame.data()).header().triangle_count;
       report.instances += PageView(frame.data()).header().instance_count;
     }
@@ -251,7 +320,7 @@ Result<VerifyReport> verify(const std::string& path) {
   for (const Volume& volume : volumes) {
     bricks += volume.brick_count;
   }
-  if (report.triangles != store->footer().triangle_count || report.bricks != bricks ||
+  if (report.triangles != store->footer().triangle_count || report.bricks != bricks || !attributes.adds_up() ||
       report.instances != store->footer().instance_count || decoded_bytes != store->footer().decoded_bytes) {
     return {ErrorCode::corrupt, path + ": has pages that do not add up to what the footer says; rebuild it"};
   }
@@ -292,6 +361,8 @@ Result<std::string> inspect_page(const std::string& path, std::uint32_t page_ind
     const MaskPageHeader& header = MaskPageView(frame.data()).header();
     json["mask_tiles"] = header.tile_count;
     json["bits"] = header.bits;
+  } else if (AttributePageView::is_attribute_page(frame.data())) {
+    json.update(attribute_page_json(AttributePageView(frame.data())));
   } else {
     json.update(page_json(PageView(frame.data())));
   }

@@ -74,6 +74,9 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
     return {ErrorCode::invalid_argument, "--blend-as-mask and --ignore-alpha exclude each other"};
   }
   plan.masks = {!config.ignore_alpha, config.blend_as_mask, config.cull_back_faces};
+  if (!config.attributes.empty()) {
+    RAYMILL_ASSIGN_OR_RETURN(plan.attributes, parse_attributes(config.attributes));
+  }
   plan.threads = config.threads != 0 ? config.threads : std::max(1U, std::thread::hardware_concurrency());
   return plan;
 }
@@ -96,13 +99,16 @@ StoreBuilder::StoreBuilder(const BuildConfig& config, Plan plan, std::uint64_t r
       spool_(blocks_, plan_.threads > 1),
       instances_(blocks_),
       masks_(blocks_),
+      attributes_(blocks_, plan_.attributes),
       origin_(plan_.origin.value_or(Origin())),
       volumes_({config.page_bytes, config.width, plan_.codec, plan_.volume_step, config.volume_grids}) {}
 
 Status StoreBuilder::claim_base() {
   RAYMILL_ASSIGN_OR_RETURN(base_, ledger_.claim(Tag::base, resident_bytes() + kBaseSlackBytes));
   RAYMILL_ASSIGN_OR_RETURN(spool_claim_, ledger_.claim(Tag::build, spool_.bytes()));
-  RAYMILL_ASSIGN_OR_RETURN(instances_claim_, ledger_.claim(Tag::build, kBlockBytes + MaskSpool::bytes()));
+  RAYMILL_ASSIGN_OR_RETURN(instances_claim_,
+                           ledger_.claim(Tag::build, kBlockBytes + MaskSpool::bytes() +
+                                                         (plan_.attributes != 0 ? AttributeSpool::bytes() : 0)));
   // While the input comes in, room stays for what reads it and for what follows. With little memory the triangles go to
   // disk at once.
   const std::uint64_t rest = ledger_.free_bytes();
@@ -279,6 +285,10 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
   if (config_.proxies) {
     header.features |= static_cast<std::uint64_t>(Feature::proxies);
   }
+  if (plan_.attributes != 0) {
+    header.features |= static_cast<std::uint64_t>(Feature::attributes);
+    header.attributes = plan_.attributes;
+  }
   header.page_bytes = config_.page_bytes;
   header.width = static_cast<std::uint8_t>(config_.width);
   header.codec = static_cast<std::uint8_t>(plan_.codec);
@@ -309,6 +319,7 @@ Result<BuildReport> StoreBuilder::finish() {
         "--proxies stand for triangles that are opaque and have two sides, and this scene has others; leave it out, or "
         "--cull-back-faces, or give --ignore-alpha"};
   }
+  RAYMILL_RETURN_IF_ERROR(check_has_attributes());
   const auto build_start = Clock::now();
   RAYMILL_RETURN_IF_ERROR(step("build", 0));
   if (parts.runs.empty()) {
@@ -345,9 +356,10 @@ Result<BuildReport> StoreBuilder::finish_without_triangles(const Lattice& lattic
   return finish_file(writer, footer, build_start);
 }
 
-// The volumes' pages, and what stands behind all pages.
+// The pages of attributes and volumes, and what stands behind all pages.
 Result<BuildReport> StoreBuilder::finish_file(StoreFileWriter& writer, StoreFooter& footer,
                                               Clock::time_point build_start) {
+  RAYMILL_RETURN_IF_ERROR(write_attributes(writer, footer));
   if (!volumes_.empty()) {
     RAYMILL_RETURN_IF_ERROR(
         volumes_.write(writer, footer, ledger_, [this](double fraction) { return step("volumes", fraction); }));

@@ -23,6 +23,7 @@
 #include "storage/base/block_store.h"
 #include "storage/base/ledger.h"
 #include "storage/base/status.h"
+#include "storage/build/attribute_spool.h"
 #include "storage/build/instance_spool.h"
 #include "storage/build/mask_spool.h"
 #include "storage/build/partition.h"
@@ -34,11 +35,12 @@
 #include "storage/io/run_pipeline.h"
 #include "storage/io/store_file_writer.h"
 #include "storage/io/volume_build.h"
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/codec.h"
 
 namespace raymill::storage {
 
-class StoreBuilder final : public TriangleSink, public InstanceSink, public MaskSink {
+class StoreBuilder final : public TriangleSink, public InstanceSink, public MaskSink, public AttributeSink {
  public:
   /// `config` must outlive the builder; its scenes are not read here. `run_triangles`: smaller only in tests.
   /// Errors: invalid_argument, budget_exceeded, and those of a file that cannot be written.
@@ -68,6 +70,14 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   void set_masks(std::uint32_t geometry_id, const GeometryMask& masks) override {
     masks_.set_masks(object_ ? static_cast<std::uint32_t>(objects_.size()) : MaskSpool::kWorld, geometry_id, masks);
   }
+  Result<std::uint64_t> add_entries(std::span<const float> entries) override {
+    return attributes_.add_entries(entries);
+  }
+  Status set_attributes(std::uint32_t geometry_id, const AttributeGeometry& geometry) override {
+    return attributes_.set_attributes(geometry_id, geometry);
+  }
+  /// To be kept, as the config says.
+  [[nodiscard]] AttributeSet attributes() const { return plan_.attributes; }
   /// What the import is to do with materials, as the config says.
   [[nodiscard]] MaskRule mask_rule() const { return plan_.masks; }
   /// Adds the grids of an OpenVDB file. Errors: those of VolumeBuild::add(), invalid_argument (the transform).
@@ -84,6 +94,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
     std::optional<std::int32_t> volume_step{};
     std::optional<Origin> origin{};
     MaskRule masks{};
+    AttributeSet attributes = 0;
     unsigned threads = 1;
   };
   using Clock = std::chrono::steady_clock;
@@ -118,6 +129,12 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   Result<TreeTotals> write_tree(const Partition& parts, std::uint32_t tree, LevelRange levels,
                                 const PositionKind& positions, StoreFileWriter& writer, std::uint32_t& next_page);
   Status write_masks(StoreFileWriter& writer, std::uint32_t& next_page);
+
+  // In store_builder_attributes.cc:
+  /// The pages of attributes, behind those of triangles.
+  Status write_attributes(StoreFileWriter& writer, StoreFooter& footer);
+  [[nodiscard]] Status check_has_attributes() const;
+  Status write_attribute_pages(AttributePageKind kind, BlockStream& items, StoreFileWriter& writer);
   [[nodiscard]] Result<Instance> instance(std::uint32_t number) const;
 
   const BuildConfig& config_;
@@ -135,8 +152,9 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   BudgetReservation instances_claim_;
   MaskSpool masks_;
   std::vector<MaskRef> mask_refs_;  // [mask], once their pages are written
-  std::uint64_t in_trees_ = 0;      // triangles and instances of trees that are written
-  std::uint64_t in_all_ = 0;        // of all
+  AttributeSpool attributes_;
+  std::uint64_t in_trees_ = 0;  // triangles and instances of trees that are written
+  std::uint64_t in_all_ = 0;    // of all
   ImportReport import_report_;
   Origin origin_;
   VolumeBuild volumes_;

@@ -8,6 +8,7 @@
 
 #include "storage/base/aligned.h"
 #include "storage/io/store_file.h"
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/codec.h"
 #include "storage/pages/mask_page.h"
 #include "storage/pages/masked_section.h"
@@ -31,13 +32,14 @@ struct Sums {
   std::uint64_t triangle_pages = 0, triangle_store = 0, triangle_decoded = 0;
   std::uint64_t volume_pages = 0, volume_store = 0, volume_decoded = 0;
   std::uint64_t mask_pages = 0, mask_store = 0, mask_decoded = 0;
+  std::uint64_t attribute_pages = 0, attribute_store = 0, attribute_decoded = 0;
   std::uint64_t geometry_bytes = 0, instance_bytes = 0, section_bytes = 0, proxy_bytes = 0;
 };
 
 bool is_known(const EncodedHeader& head) {
   const bool has_triangles =
       head.page_type == kPageTypeTriangles || head.page_type == kPageTypeMasked || head.page_type == kPageTypeProxies;
-  return head.page_type == kPageTypeVolume || head.page_type == kPageTypeMask ||
+  return head.page_type == kPageTypeVolume || head.page_type == kPageTypeMask || head.page_type == kPageTypeAttribute ||
          (has_triangles && head.geometry_index_bytes <= 2);
 }
 
@@ -90,10 +92,10 @@ Status add_page(const StoreFile& store, PageId page, HeadBuffer& buffer, Sums& s
     sums.volume_decoded += entry.decoded_bytes;
     return {};
   }
-  if (head.page_type == kPageTypeMask) {
-    ++sums.mask_pages;
-    sums.mask_store += entry.encoded_bytes;
-    sums.mask_decoded += entry.decoded_bytes;
+  if (head.page_type == kPageTypeAttribute) {
+    ++sums.attribute_pages;
+    sums.attribute_store += entry.encoded_bytes;
+    sums.attribute_decoded += entry.decoded_bytes;
     return {};
   }
   const std::uint64_t geometries = std::uint64_t(head.geometry_count) * sizeof(std::uint32_t) +
@@ -147,8 +149,11 @@ Result<std::vector<FeatureCost>> store_costs(const std::string& path) {
   add(Feature::proxies, {"proxies", 0, {}, sums.proxy_bytes});
   // A point of the header.
   add(Feature::origin, {"origin", 0, {}, 0});
+  add(Feature::attributes, {"attributes", sums.attribute_pages, sums.attribute_store, sums.attribute_decoded});
   costs.push_back(
-      {"file", 0, store->footer().file_bytes - sums.triangle_store - sums.mask_store - sums.volume_store, 0});
+      {"file", 0,
+       store->footer().file_bytes - sums.triangle_store - sums.mask_store - sums.volume_store - sums.attribute_store,
+       0});
   return costs;
 }
 

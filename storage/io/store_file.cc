@@ -103,7 +103,7 @@ void StoreFile::try_direct() {
 
 PageRules StoreFile::rules() const {
   return {header_.width,          footer_.levels, footer_.object_level, header_.page_bytes, page_count(),
-          footer_.geometry_count, has_volumes(),  has_proxies(),        has_masks()};
+          footer_.geometry_count, has_volumes(),  has_proxies(),        has_masks(),        header_.attributes};
 }
 
 PositionKind StoreFile::positions() const { return {header_.lattice != 0, header_.lattice_step_exponent}; }

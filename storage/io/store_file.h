@@ -46,6 +46,7 @@ class StoreFile {
   }
   [[nodiscard]] bool has_proxies() const { return has(header_.features, Feature::proxies); }
   [[nodiscard]] bool has_masks() const { return (header_.features & static_cast<std::uint64_t>(Feature::masks)) != 0; }
+  [[nodiscard]] bool has_attributes() const { return header_.attributes != 0; }
   [[nodiscard]] PositionKind positions() const;
   /// "float32" or "lattice:STEP".
   [[nodiscard]] std::string positions_text() const;

@@ -49,6 +49,13 @@ std::string metadata_json(const ImportReport& report, const LatticeFigures& latt
                      {"encoded_bytes", report.masks.encoded_bytes},
                      {"section_bytes", report.masks.section_bytes}};
   }
+  if (report.attributes.set != 0) {
+    json["attributes"] = {{"kept", to_string_of(report.attributes.set)},
+                          {"entries", report.attributes.entries},
+                          {"pages", report.attributes.pages},
+                          {"encoded_bytes", report.attributes.encoded_bytes},
+                          {"decoded_bytes", report.attributes.decoded_bytes}};
+  }
   json["import"] = nlohmann::ordered_json::parse(to_json(report));
   // Names come from the scene file and may not be UTF-8.
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);

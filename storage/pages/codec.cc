@@ -7,6 +7,7 @@
 #include <cstring>
 #include <string>
 
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/draco_geometry.h"
 #include "storage/pages/mask_page.h"
 #include "storage/pages/masked_section.h"
@@ -169,6 +170,12 @@ Result<std::uint32_t> PageDecoder::decode(std::span<const std::byte> encoded, st
                             [this](std::span<const std::byte> bytes, Codec codec, std::size_t expected) {
                               return scratch_->decompress(bytes, codec, expected);
                             });
+  }
+  if (header.page_type == kPageTypeAttribute && rules_.attributes != 0) {
+    return decode_attribute_page(encoded, frame, rules_,
+                                 [this](std::span<const std::byte> bytes, Codec codec, std::size_t expected) {
+                                   return scratch_->decompress(bytes, codec, expected);
+                                 });
   }
   std::span<const std::byte> payload = encoded.subspan(sizeof header);
   RAYMILL_RETURN_IF_ERROR(check_header(header, rules_));

@@ -176,9 +176,10 @@ struct PageRules {
   std::uint32_t page_bytes = 0;
   std::uint32_t page_count = 0;
   std::uint64_t geometry_count = 0;
-  bool volumes = false;  ///< there are pages of volumes too
-  bool proxies = false;  ///< all pages of triangles have them
-  bool masks = false;    ///< there are pages of masks and masked pages too
+  bool volumes = false;          ///< there are pages of volumes too
+  bool proxies = false;          ///< all pages of triangles have them
+  bool masks = false;            ///< there are pages of masks and masked pages too
+  std::uint32_t attributes = 0;  ///< bits of those that pages of attributes hold (base/attribute.h); 0: there are none
 };
 
 /// Checks every index, count and offset of an image, so that traversal may follow them blindly inside the page. What

@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 
+#include "storage/base/attribute.h"
 #include "storage/base/checksum.h"
 
 namespace raymill::storage {
@@ -40,7 +41,8 @@ Status check(const StoreHeader& header) {
   if ((header.width != 4 && header.width != 8) || header.page_bytes < kMinPageBytes ||
       header.page_bytes > kMaxPageBytes || header.codec > static_cast<std::uint8_t>(Codec::draco) ||
       header.header_bytes != sizeof(StoreHeader) || header.lattice > 1 || header.lattice_step_exponent < -200 ||
-      header.lattice_step_exponent > 200 ||
+      header.lattice_step_exponent > 200 || has(header.features, Feature::attributes) != (header.attributes != 0) ||
+      (header.attributes & ~kAllAttributes) != 0 ||
       (has(header.features, Feature::masks) && has(header.features, Feature::proxies)) ||
       (has(header.features, Feature::origin) &&
        (header.origin().is_zero() || header.origin_exponent < -Origin::kMostExponent ||
@@ -71,8 +73,9 @@ Status check(const StoreFooter& footer, const StoreHeader& header, std::uint64_t
   if (footer.header_checksum != header.checksum || footer.file_bytes != file_bytes || !sections_meet || !finite ||
       footer.levels == 0 || footer.levels > max_levels(header.width) || footer.root_page >= footer.page_count ||
       footer.root_node >= kNoParent || footer.volume_page >= footer.page_count ||
-      footer.max_encoded_bytes > 4 * header.page_bytes || footer.metadata_plain_bytes > kMostMetadataBytes ||
-      footer.object_level >= footer.levels || (footer.object_level != 0) != has(header.features, Feature::instances)) {
+      footer.attribute_page >= footer.page_count || footer.max_encoded_bytes > 4 * header.page_bytes ||
+      footer.metadata_plain_bytes > kMostMetadataBytes || footer.object_level >= footer.levels ||
+      (footer.object_level != 0) != has(header.features, Feature::instances)) {
     return {ErrorCode::corrupt, "has a footer that does not fit the file; copy or build it again"};
   }
   return {};

@@ -31,8 +31,9 @@ enum class Feature : std::uint64_t {
   volumes = 32,      ///< the footer names a table of volumes
   proxies = 128,     ///< pages hold what stands for subtrees that a ray does not enter
   origin = 256,      ///< positions are relative to the header's origin
+  attributes = 512,  ///< the footer names pages of attributes of triangles' corners
 };
-constexpr std::uint64_t kKnownFeatures = 15 | 16 | 32 | 128 | 256;
+constexpr std::uint64_t kKnownFeatures = 15 | 16 | 32 | 128 | 256 | 512;
 constexpr bool has(std::uint64_t features, Feature feature) {
   return (features & static_cast<std::uint64_t>(feature)) != 0;
 }
@@ -50,8 +51,8 @@ struct StoreHeader {
   std::int32_t lattice_step_exponent = 0;
   std::array<std::int32_t, 3> origin_steps{};  ///< with the feature origin; else 0, as the exponent
   std::int32_t origin_exponent = 0;
-  std::array<std::uint8_t, 4> unused{};
-  std::uint64_t checksum = 0;  ///< of the bytes before it
+  std::uint32_t attributes = 0;  ///< bits of base/attribute.h; 0 without the feature
+  std::uint64_t checksum = 0;    ///< of the bytes before it
 
   [[nodiscard]] Origin origin() const {
     return has(features, Feature::origin) ? Origin{origin_steps, origin_exponent} : Origin();
@@ -90,10 +91,10 @@ struct StoreFooter {
   std::uint64_t file_bytes = 0;
   std::uint64_t instance_count = 0;
   std::uint32_t object_count = 0;
-  std::uint32_t object_level = 0;  ///< of their roots; 0 where there are none
-  std::array<std::uint8_t, 4> unused{};
-  std::uint32_t volume_page = 0;  ///< of the table of volumes, where the store has that feature; else 0
-  std::uint64_t checksum = 0;     ///< of the bytes before it
+  std::uint32_t object_level = 0;    ///< of their roots; 0 where there are none
+  std::uint32_t attribute_page = 0;  ///< the first of them, where the store has that feature; else 0
+  std::uint32_t volume_page = 0;     ///< of the table of volumes, where the store has that feature; else 0
+  std::uint64_t checksum = 0;        ///< of the bytes before it
   std::array<char, 8> magic = kFooterMagic;
 };
 static_assert(sizeof(StoreFooter) == 184 && std::is_trivially_copyable_v<StoreFooter>);

@@ -2,7 +2,7 @@
 // the kernels follow its indices blindly, so whatever validate_image lets through must end, in a hit, a miss or a
 // refusal.
 //
-// The first byte chooses width, positions and whether the rest is an encoded page or an image.
+// The first byte chooses width, positions, what the store has, and whether the rest is an encoded page or an image.
 
 #include <atomic>
 #include <cstddef>
@@ -12,9 +12,11 @@
 #include <limits>
 #include <span>
 
+#include "storage/pages/attribute_page.h"
 #include "storage/pages/codec.h"
 #include "storage/pages/mask_page.h"
 #include "storage/pages/page_assembler.h"
+#include "traversal/attribute_fetch.h"
 #include "traversal/kernel.h"
 #include "traversal/mask_test.h"
 #include "traversal/ray_state.h"
@@ -64,6 +66,36 @@ void read_texels(const std::byte* image) {
   }
 }
 
+// Rays that ask for attributes of any hit: answered, refused, or left to wait for a page that is not there.
+void read_attributes(const std::byte* image, const PageRules& rules) {
+  const std::atomic<const std::byte*> images[] = {image, nullptr};
+  std::atomic<std::uint8_t> touched[] = {0, 0};
+  for (std::uint32_t id = 1; id != 0; id <<= 1) {
+    for (const std::uint32_t first_page : {0U, 1U}) {
+      traversal::AttributeContext context;
+      context.places = AttributePlaces(rules.attributes, first_page, rules.page_bytes, first_page == 0 ? id : 0, 2);
+      context.asked = kAllAttributes;
+      context.images = images;
+      context.touched = touched;
+      traversal::RayState ray;
+      ray.hit.geometry_id = ray.hit.primitive_id = id - 1;
+      ray.hit.u = ray.hit.v = 0.25F;
+      traversal::begin_attributes(context, ray);
+      ray.page = 0;
+      if (first_page == 1) {
+        ray.attribute_step = traversal::AttributeStep::entry;
+        ray.level = static_cast<std::uint8_t>(rules.attributes);
+        ray.node = static_cast<std::uint16_t>(id - 1);
+      }
+      HitAttributes values;
+      traversal::fetch_attributes(context, {&ray, 1}, {&values, 1});
+      if (!ray.done && ray.page != 1) {
+        std::abort();
+      }
+    }
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -74,6 +106,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   PageRules rules{(choice & 1) != 0 ? 8u : 4u, kLevels, (choice & 8) != 0 ? 2u : 0u, kPageBytes, 1, 3};
   rules.proxies = (choice & 16) != 0;
   rules.masks = (choice & 32) != 0;
+  rules.attributes = (choice & 64) != 0 ? kAllAttributes : (choice & 128) != 0 ? 2 : 0;
   const PositionKind positions{(choice & 2) != 0, -12};
   const auto bytes = std::as_bytes(std::span(data, size)).subspan(1);
   if ((choice & 4) != 0) {
@@ -91,6 +124,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   if (MaskPageView::is_mask_page(frame.data())) {
     read_texels(frame.data());
+    return 0;
+  }
+  if (AttributePageView::is_attribute_page(frame.data())) {
+    read_attributes(frame.data(), rules);
     return 0;
   }
   (void)check_boxes(frame.data());

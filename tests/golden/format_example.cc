@@ -68,7 +68,7 @@ void dump_header(Dump& dump) {
   dump.field(4, "lattice_step_exponent = 0");
   dump.field(12, "origin_steps");
   dump.field(4, "origin_exponent = 0");
-  dump.field(4, "unused");
+  dump.field(4, "attributes = 0");
   dump.field(8, "checksum of bytes 0x00 to 0x37");
 }
 
@@ -149,7 +149,8 @@ void dump_footer(Dump& dump) {
   dump.field(12, "bounds_min");
   dump.field(12, "bounds_max");
   dump.field(8, "file_bytes");
-  dump.field(20, "unused");
+  dump.field(16, "unused");
+  dump.field(4, "attribute_page");
   dump.field(4, "volume_page");
   dump.field(8, "checksum of the footer's bytes before it");
   dump.field(8, "magic");
