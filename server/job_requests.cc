@@ -48,7 +48,7 @@ void Dispatcher::start_job(const Request& request, const pb::StartJob& start, co
                .store = std::move(*store),
                .trace = to_trace_config(start),
                .detached = start.detached(),
-               .chunk_rays = config_.chunk_rays / (brings ? 2 : 1),
+               .chunk_rays = config_.chunk_rays / ((brings ? 2 : 1) * (start.float64() ? 2 : 1)),
                .rows_limit = std::min(start.rows_limit(), kRowsWindow)};
   spec.trace.fields = answered_fields(spec.trace.query, spec.trace.fields);
   if (masks) {
@@ -68,6 +68,7 @@ void Dispatcher::start_job(const Request& request, const pb::StartJob& start, co
   *accepted.mutable_job() = record.info();
   accepted.set_chunk_rays(record.spec.chunk_rays);
   accepted.set_chunk_limit(record.chunk_limit());
+  accepted.set_float64(record.spec.trace.float64);
   reply(request.id, request.sequence, answer);
 }
 
@@ -115,8 +116,7 @@ void Dispatcher::take_chunk(const Request& request, const pb::Chunk& chunk, Fram
     return refuse_chunk(ErrorCode::invalid_argument, "has " + std::to_string(chunk.rays()) + " rays, more than the " +
                                                          std::to_string(job->spec.chunk_rays) + " of this job");
   }
-  if (const std::size_t each = ray_bytes(job->spec.trace.skips, job->spec.trace.masks);
-      frame.size() != each * chunk.rays()) {
+  if (const std::size_t each = ray_bytes(job->spec.trace); frame.size() != each * chunk.rays()) {
     return refuse_chunk(ErrorCode::bad_rays, "has " + std::to_string(frame.size()) + " bytes for " +
                                                  std::to_string(chunk.rays()) + " rays, which take " +
                                                  std::to_string(each) + " each with what the job was asked for");

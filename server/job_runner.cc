@@ -31,28 +31,37 @@ std::span<const T> take(std::span<const std::byte>& frame, std::size_t count, st
 }
 
 /// What a frame of rays holds, and where it is copied to if it must be.
-struct RayFrame {
-  std::vector<Ray> rays;
-  std::vector<PrimitiveIds> skipped;
-  std::vector<std::uint32_t> masks;
-
+class RayFrame {
+ public:
   Status push_to(Job& job, const TraceConfig& config, const Frame& frame) {
     std::span<const std::byte> bytes = bytes_of(frame);
-    const std::size_t count = bytes.size() / ray_bytes(config.skips, config.masks);
-    const auto pushed = take(bytes, count, rays);
-    if (!config.skips && !config.masks) {
-      return job.push(pushed);
+    const std::size_t count = bytes.size() / ray_bytes(config);
+    if (config.float64) {
+      const auto pushed = take(bytes, count, wide_rays_);
+      return job.push64(pushed, extras(bytes, count, config));
     }
-    RayExtras extras;
+    const auto pushed = take(bytes, count, rays_);
+    return config.skips || config.masks ? job.push_with(pushed, extras(bytes, count, config)) : job.push(pushed);
+  }
+
+ private:
+  RayExtras extras(std::span<const std::byte>& bytes, std::size_t count, const TraceConfig& config) {
+    RayExtras brought;
     if (config.skips) {
-      extras.skipped = take(bytes, count, skipped);
+      brought.skipped = take(bytes, count, skipped_);
     }
     if (config.masks) {
-      extras.masks = take(bytes, count, masks);
+      brought.masks = take(bytes, count, masks_);
     }
-    return job.push_with(pushed, extras);
+    return brought;
   }
+
+  std::vector<Ray> rays_;
+  std::vector<Ray64> wide_rays_;
+  std::vector<PrimitiveIds> skipped_;
+  std::vector<std::uint32_t> masks_;
 };
+static_assert(sizeof(Ray64) == 64 && offsetof(Ray64, tnear) == 24 && offsetof(Ray64, tfar) == 56);
 static_assert(sizeof(PrimitiveIds) == 8 && offsetof(PrimitiveIds, geometry_id) == 0);
 
 Status cancelled_status() { return {ErrorCode::cancelled, "the job was cancelled"}; }

@@ -23,9 +23,11 @@ constexpr std::uint32_t kMostChunkRays = 64u << 10;
 /// of such rows, so longer ones are fewer to a message.
 constexpr std::uint64_t kMostRowBytes = 36;
 
-/// What a ray brings besides: a primitive 8, a mask 4. Chunks of such rays have half as many, and no more bytes.
+/// What a ray brings besides: a primitive 8, a mask 4. Chunks of such rays have half as many, and no more bytes; those
+/// of rays of float64 have half as many again.
 constexpr std::uint64_t kMostExtraBytes = 12;
 static_assert((sizeof(Ray) + kMostExtraBytes) / 2 < sizeof(Ray));
+static_assert(sizeof(Ray64) == 2 * sizeof(Ray) && (sizeof(Ray64) + kMostExtraBytes) / 4 < sizeof(Ray));
 /// Masks of geometries that a job brings, 128 KiB: no part is longer than the shortest chunk.
 constexpr std::uint32_t kMostGeometryMasks = 32u << 10;
 /// Masks of all jobs that have not ended.

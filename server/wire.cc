@@ -104,10 +104,10 @@ Status check(const pb::Chunk& chunk, std::size_t frame_bytes) {
   RAYMILL_RETURN_IF_ERROR(check_job_id(chunk.job()));
   // What its job makes of it is for those who know the job.
   const std::uint64_t each = chunk.rays() > 0 ? frame_bytes / chunk.rays() : 0;
-  if (each < sizeof(Ray) || each > sizeof(Ray) + kMostExtraBytes || each * chunk.rays() != frame_bytes) {
-    return {ErrorCode::bad_rays, "a chunk of " + std::to_string(chunk.rays()) + " rays has a frame of " +
-                                     std::to_string(frame_bytes) +
-                                     " bytes: 32 for each ray and what it brings, at least one ray"};
+  if (each < sizeof(Ray) || each > sizeof(Ray64) + kMostExtraBytes || each * chunk.rays() != frame_bytes) {
+    return {ErrorCode::bad_rays,
+            "a chunk of " + std::to_string(chunk.rays()) + " rays has a frame of " + std::to_string(frame_bytes) +
+                " bytes: 32 for each ray, 64 for one of float64, and what it brings, at least one ray"};
   }
   return {};
 }

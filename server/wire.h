@@ -54,7 +54,7 @@ TraceConfig to_trace_config(const pb::StartJob& start);
 /// The other way.
 void fill(const TraceConfig& config, pb::StartJob& start);
 /// Bytes of a chunk for each ray.
-std::size_t ray_bytes(bool skips, bool masks);
+std::size_t ray_bytes(const TraceConfig& config);
 pb::Query to_wire(Query query);
 pb::Mode to_wire(Mode mode);
 Query from_wire(pb::Query query);

@@ -77,6 +77,7 @@ TraceConfig to_trace_config(const pb::StartJob& start) {
   config.skips = start.skips();
   config.masks = start.masks();
   config.mask = ~start.without_mask();
+  config.float64 = start.float64();
   config.relative = start.relative();
   return config;
 }
@@ -98,12 +99,14 @@ void fill(const TraceConfig& config, pb::StartJob& start) {
   start.set_skips(config.skips);
   start.set_masks(config.masks);
   start.set_without_mask(~config.mask);
+  start.set_float64(config.float64);
   start.set_relative(config.relative);
   start.set_geometry_masks(config.geometry_masks ? static_cast<std::uint32_t>(config.geometry_masks->size()) : 0);
 }
 
-std::size_t ray_bytes(bool skips, bool masks) {
-  return sizeof(Ray) + (skips ? sizeof(PrimitiveIds) : 0) + (masks ? sizeof(std::uint32_t) : 0);
+std::size_t ray_bytes(const TraceConfig& config) {
+  return (config.float64 ? sizeof(Ray64) : sizeof(Ray)) + (config.skips ? sizeof(PrimitiveIds) : 0) +
+         (config.masks ? sizeof(std::uint32_t) : 0);
 }
 
 pb::JobStats to_wire(const JobStats& stats) {

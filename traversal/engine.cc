@@ -68,6 +68,7 @@ StoreInfo describe(const StoreFile& file) {
   feature(storage::Feature::masks, "masks");
   feature(storage::Feature::volumes, "volumes");
   feature(storage::Feature::origin, "origin");
+  feature(storage::Feature::origins, "origins");
   info.origin = header.origin().position();
   feature(storage::Feature::proxies, "proxies");
   feature(storage::Feature::attributes, "attributes");
@@ -204,6 +205,7 @@ class EngineStore final : public Store {
   [[nodiscard]] Result<std::array<double, 3>> origin() const override {
     return tracer_->file().header().origin().position();
   }
+  [[nodiscard]] Result<bool> keeps_float64() const override { return tracer_->file().has_origins(); }
   Result<std::unique_ptr<Job>> trace(const TraceConfig& config) override { return tracer_->start(config, tracer_); }
 
  private:

@@ -12,7 +12,7 @@ namespace {
 
 // Rays that are made into records between two locks.
 constexpr std::size_t kPieceRays = 1024;
-static_assert(kPieceRays / RayPool::records_per_chunk(68) + 1 <= RaySpiller::kPushChunks, "no hit yet: 68 B at most");
+static_assert(kPieceRays / RayPool::records_per_chunk(80) + 1 <= RaySpiller::kPushChunks, "no hit yet: 80 B at most");
 
 Hit unanswered(Query query) {
   Hit hit;
@@ -105,6 +105,14 @@ inline Ray EngineJob::Pushed::operator[](std::size_t index) const {
   return moves ? moved_ray(rays[index], origin) : rays[index];
 }
 
+std::array<float, 3> EngineJob::Pushed::rest(std::size_t index) const {
+  if (!rays64.empty()) {
+    return rest_of_org(rays64[index].org, origin);
+  }
+  const auto& org = rays[index].org;
+  return rest_of_org({org[0], org[1], org[2]}, origin);
+}
+
 EngineJob::Pushed EngineJob::pushed(std::span<const Ray> rays, std::span<const Ray64> rays64) const {
   const storage::Origin origin = job_->config.relative ? storage::Origin() : tracer_->file().header().origin();
   return {rays, rays64, origin.position(), !origin.is_zero()};
@@ -119,6 +127,11 @@ Status EngineJob::push_with(std::span<const Ray> rays, const RayExtras& extras) 
 
 Status EngineJob::push64(std::span<const Ray64> rays, const RayExtras& extras) {
   RAYMILL_RETURN_IF_ERROR(check(extras, rays.size()));
+  if (!job_->config.float64 && tracer_->file().has_origins()) {
+    return {ErrorCode::invalid_argument,
+            "this store keeps parts relative to origins of their own, and the job was not asked for rays of float64 "
+            "(TraceConfig::float64)"};
+  }
   return push_all(pushed({}, rays), extras);
 }
 
@@ -267,6 +280,7 @@ std::uint32_t EngineJob::pack(const Slice& slice) {
   const storage::StoreFooter& footer = tracer_->file().footer();
   const RecordLayout& layout = job_->waiting->pool().layout();
   records_.resize(slice.count * layout.most_bytes());
+  const bool keeps_rest = job_->config.float64 && tracer_->file().has_origins();
   std::size_t at = 0;
   std::uint32_t valid = 0;
   slice.each(
@@ -277,6 +291,9 @@ std::uint32_t EngineJob::pack(const Slice& slice) {
         state.tnear = ray.tnear;
         // A hit has a finite t; beyond float32 lies a miss.
         state.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
+        if (keeps_rest) {
+          state.org_rest = slice.some.rays.rest(index);
+        }
         state.number = number;
         state.skipped = slice.some.skipped(index);
         state.mask = slice.some.mask(index);

@@ -42,6 +42,8 @@ class EngineJob final : public Job {
     [[nodiscard]] std::size_t size() const { return rays.size() + rays64.size(); }
     [[nodiscard]] Pushed part(std::size_t first, std::size_t count) const;
     [[nodiscard]] Ray operator[](std::size_t index) const;
+    /// What float32 leaves of a ray's org.
+    [[nodiscard]] std::array<float, 3> rest(std::size_t index) const;
   };
   /// Rays whose numbers follow each other.
   struct Numbered {

@@ -25,16 +25,31 @@ float at_most(double value) {
   return double(rounded) > value ? std::nextafter(rounded, -kInfinity) : rounded;
 }
 
-// a - b, rounded once. The difference in float64 and its error, by Knuth's two-sum, hold all of it; rounded to odd
-// (Boldo and Melquiond 2008), the nearest float32 of it is that of the exact difference: float64 has 29 bits more, and
-// two would do.
-float difference(double a, double b) {
+// a - b, all of it: the difference in float64 and its error, by Knuth's two-sum.
+struct Difference {
+  double high, low;
+};
+
+Difference exact_difference(double a, double b) {
   const double high = a - b;
   const double back = high - a;
-  const double low = (a - (high - back)) - (b + back);
+  return {high, (a - (high - back)) - (b + back)};
+}
+
+// a - b, rounded once. Rounded to odd (Boldo and Melquiond 2008), the nearest float32 of it is that of the exact
+// difference: float64 has 29 bits more, and two would do.
+float difference(double a, double b) {
+  const auto [high, low] = exact_difference(a, b);
   const bool is_inexact = low != 0 && std::isfinite(low);
   const bool is_even = (std::bit_cast<std::uint64_t>(high) & 1) == 0;
   return nearest(is_inexact && is_even ? std::nextafter(high, std::copysign(HUGE_VAL, low)) : high);
+}
+
+// high - near is exact: near has the leading digits of high.
+float rest_of_difference(double a, double b) {
+  const auto [high, low] = exact_difference(a, b);
+  const float rest = nearest((high - double(difference(a, b))) + low);
+  return std::isfinite(rest) ? rest : 0.0F;
 }
 
 std::array<float, 3> differences(const std::array<double, 3>& a, const std::array<double, 3>& b) {
@@ -42,6 +57,11 @@ std::array<float, 3> differences(const std::array<double, 3>& a, const std::arra
 }
 
 }  // namespace
+
+std::array<float, 3> rest_of_org(const std::array<double, 3>& org, const std::array<double, 3>& origin) {
+  return {rest_of_difference(org[0], origin[0]), rest_of_difference(org[1], origin[1]),
+          rest_of_difference(org[2], origin[2])};
+}
 
 Ray moved_ray(const Ray& ray, const std::array<double, 3>& origin) {
   Ray moved = ray;

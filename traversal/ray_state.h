@@ -5,8 +5,10 @@
 // hit only what the job asked for. The page is known from the queue. Nothing of a ray stands elsewhere, so a record can
 // be moved, written to disk and taken up again by anybody.
 //
-//   flags level node number tfar org dir | skipped? | mask? | tnear? | hit? | corners? | object? | bitstack
-//                                     36 B + 0 or 8 + 0 or 4 + 0 or 4 + 0 to 28 + 0 or 36 + 0 or 40 to 80 + 0 to 16
+//   flags level node number tfar org dir | rest of org? | skipped? | mask? | tnear? | hit? | corners? | object? |
+//   bitstack
+//                                     36 B + 0 or 12 + 0 or 8 + 0 or 4 + 0 or 4 + 0 to 28 + 0 or 36 + 0 or 40 to 80 + 0
+//                                     to 16
 //
 // A ray that waits for a texel of a mask has 12 bytes more: it stands in a leaf, before a triangle that it meets, and
 // its page is the mask's until the texel is known, then the leaf's.
@@ -18,8 +20,9 @@
 // instance and what takes normals to the world where the job asks for them.
 // In mode exact a hit has the corners of its triangle with it, 36 B more: where two hits round to the same t, exact
 // arithmetic decides, and the page that the first one stands in may be gone by then. The primitive that a ray skips
-// and its mask stand in the records of jobs whose rays bring them. A ray whose crossings are counted has the count for
-// its hit.
+// and its mask stand in the records of jobs whose rays bring them, and what float32 leaves of org in those whose rays
+// are float64, in stores with origins of their own for parts. A ray whose crossings are counted has the count for its
+// hit.
 #pragma once
 
 #include <algorithm>
@@ -113,8 +116,9 @@ struct RayState {
   Hit hit;  ///< the nearest so far
   /// Of its triangle; mode exact alone. At AttributeStep::entry: what takes normals to the world, column by column.
   std::array<std::array<float, 3>, 3> corners{};
-  PrimitiveIds skipped;           ///< is no hit; where rays bring it
-  std::uint32_t mask = kAllMask;  ///< where rays bring it
+  std::array<float, 3> org_rest{};  ///< of org in the world, beyond float32; where rays bring it
+  PrimitiveIds skipped;             ///< is no hit; where rays bring it
+  std::uint32_t mask = kAllMask;    ///< where rays bring it
   InObject object;
   bool left_object = false;  ///< waits for the node where it goes on after an object
   AttributeStep attribute_step = AttributeStep::none;
@@ -139,6 +143,7 @@ struct KeptExtras {
   bool normals = false;      ///< what takes the object's normals to the world
   bool texel = false;        ///< that it waits for; stores with masks alone
   bool columns = false;      ///< what takes its shading normal to the world, once it waits for that
+  bool org_rest = false;     ///< what float32 leaves of org
 };
 
 /// Bytes of a waiting ray. Immutable.
@@ -149,6 +154,7 @@ class RecordLayout {
   explicit RecordLayout(Field kept, KeptCorners corners = KeptCorners::none, KeptExtras extras = {})
       : hit_(Field(std::uint32_t(kept) & ~std::uint32_t(Field::t))),
         corners_bytes_(corners == KeptCorners::of_hit ? sizeof(RayState::corners) : 0),
+        rest_bytes_(extras.org_rest ? sizeof(RayState::org_rest) : 0),
         skip_bytes_(extras.skipped ? sizeof(RayState::skipped) : 0),
         mask_bytes_(extras.mask ? sizeof(RayState::mask) : 0),
         id_bytes_(extras.instance_id ? sizeof(InObject::instance_id) : 0),
@@ -160,7 +166,7 @@ class RecordLayout {
   static constexpr std::size_t kLeastBytes = 36;
   /// Of the largest record.
   [[nodiscard]] std::size_t most_bytes() const {
-    return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + sizeof(float) + hit_.row_bytes() + corners_bytes_ +
+    return sizeof(Fixed) + rest_bytes_ + skip_bytes_ + mask_bytes_ + sizeof(float) + hit_.row_bytes() + corners_bytes_ +
            object_bytes() + texel_bytes_ + columns_bytes_ + sizeof(Bitstack);
   }
   [[nodiscard]] std::size_t bytes(const RayState& ray) const { return bytes_for(flags_of(ray), level_of(ray)); }
@@ -175,6 +181,8 @@ class RecordLayout {
         static_cast<std::uint8_t>(flags), level_of(ray), ray.node, ray.number, ray.tfar, ray.org, ray.dir};
     std::memcpy(record, &fixed, sizeof fixed);
     std::byte* at = record + sizeof fixed;
+    std::memcpy(at, &ray.org_rest, rest_bytes_);
+    at += rest_bytes_;
     std::memcpy(at, &ray.skipped, skip_bytes_);
     at += skip_bytes_;
     std::memcpy(at, &ray.mask, mask_bytes_);
@@ -224,6 +232,8 @@ class RecordLayout {
     ray.left_object = !at_texel && !at_attributes && (fixed.level & kLeftObject) != 0;
     ray.resume = static_cast<Resume>(fixed.flags & kResume);
     ray.has_hit = (fixed.flags & kHasHit) != 0;
+    std::memcpy(&ray.org_rest, at, rest_bytes_);
+    at += rest_bytes_;
     std::memcpy(&ray.skipped, at, skip_bytes_);
     at += skip_bytes_;
     std::memcpy(&ray.mask, at, mask_bytes_);
@@ -297,7 +307,7 @@ class RecordLayout {
   [[nodiscard]] std::size_t bytes_for(unsigned flags, unsigned level) const {
     const bool at_attributes = is_at_attributes(level);
     const bool in_object = !at_attributes && (level & kInside) != 0, at_texel = (level & kAtTexel) == kAtTexel;
-    return sizeof(Fixed) + skip_bytes_ + mask_bytes_ + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
+    return sizeof(Fixed) + rest_bytes_ + skip_bytes_ + mask_bytes_ + ((flags & kHasTnear) != 0 ? sizeof(float) : 0) +
            ((flags & kHasHit) != 0 ? hit_.row_bytes() + corners_bytes_ : 0) + (in_object ? object_bytes() : 0) +
            (at_texel ? texel_bytes_ : 0) + (at_attributes && level != kAtAttributes ? columns_bytes_ : 0) +
            (flags >> kStackShift);
@@ -305,6 +315,7 @@ class RecordLayout {
 
   HitLayout hit_;
   std::size_t corners_bytes_ = 0;
+  std::size_t rest_bytes_ = 0;
   std::size_t skip_bytes_ = 0;
   std::size_t mask_bytes_ = 0;
   std::size_t id_bytes_ = 0;

@@ -7,6 +7,7 @@
 //   if (auto s = (*job)->status(); !s.ok()) ...
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -31,7 +32,10 @@ struct TraceConfig {
   bool skips = false;                    ///< each ray brings a primitive that it passes through (Job::push_with)
   bool masks = false;                    ///< each ray brings a mask (Job::push_with)
   std::uint32_t mask = kAllMask;         ///< of every ray, besides
-  bool relative = false;                 ///< rays are given relative to StoreInfo::origin, not in world space
+  /// Rays of float64 come (Job::push64), and in a store with the feature origins keep of org all that two float32 hold.
+  /// Needed there, and of a Client; of no effect elsewhere.
+  bool float64 = false;
+  bool relative = false;  ///< rays are given relative to StoreInfo::origin, not in world space
   /// [geometry_id]; a triangle is a hit where a bit is set in its geometry's mask and in those of the ray. None, or too
   /// short for an id: all bits. The caller's memory: what is there before an Engine is made counts.
   std::shared_ptr<const std::vector<std::uint32_t>> geometry_masks = {};
@@ -156,10 +160,11 @@ class Job {
     return {ErrorCode::unsupported, "this job takes no rays that bring primitives or masks"};
   }
   /// The same for rays of float64, with or without extras; the job may be pushed rays of both kinds. Errors: as
-  /// push_with().
+  /// push_with(); invalid_argument also where a store with the feature origins was not asked for them
+  /// (TraceConfig::float64), since they would lose what that store keeps.
   virtual Status push64(std::span<const Ray64> /*rays*/, const RayExtras& /*extras*/ = {}) {
     return {ErrorCode::unsupported,
-            "a server takes no rays of float64; round them relative to StoreInfo::origin and ask for "
+            "this job takes no rays of float64; round them relative to StoreInfo::origin and ask for "
             "TraceConfig::relative"};
   }
   /// Says that no more rays come.
@@ -209,6 +214,13 @@ class Store {
   [[nodiscard]] virtual Result<std::array<double, 3>> origin() const {
     Result<StoreInfo> described = info();
     return described ? Result<std::array<double, 3>>(described->origin) : described.status();
+  }
+  /// Whether rays of float64 keep more of org here than float32 does (TraceConfig::float64). Errors: those of info().
+  [[nodiscard]] virtual Result<bool> keeps_float64() const {
+    const Result<StoreInfo> described = info();
+    RAYMILL_RETURN_IF_ERROR(described.status());
+    const std::vector<std::string>& features = described->features;
+    return std::find(features.begin(), features.end(), "origins") != features.end();
   }
   /// Starts a job. Errors: invalid_argument, budget_exceeded, busy_retry (too many jobs at once).
   virtual Result<std::unique_ptr<Job>> trace(const TraceConfig& config) = 0;

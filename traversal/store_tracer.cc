@@ -200,7 +200,8 @@ Result<std::unique_ptr<Job>> StoreTracer::start(const TraceConfig& config, std::
                                       .instance_id = has(kept | setup.config.fields, Field::instance_id),
                                       .normals = has(setup.config.fields, Field::normal),
                                       .texel = file_->has_masks(),
-                                      .columns = has(setup.config.fields, Field::shading_normal)});
+                                      .columns = has(setup.config.fields, Field::shading_normal),
+                                      .org_rest = config.float64 && file_->has_origins()});
   plan.waiting.directory = config_.spill_directory;
   plan.window.spill_directory = plan.window.lists.directory = config_.spill_directory;
 

@@ -21,9 +21,16 @@ constexpr std::size_t kSliceRays = 32 << 10;
 
 double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
 
+Status push(Job& job, std::span<const Ray> rays, const RayExtras* bring) {
+  return bring != nullptr ? job.push_with(rays, *bring) : job.push(rays);
+}
+Status push(Job& job, std::span<const Ray64> rays, const RayExtras* bring) {
+  return bring != nullptr ? job.push64(rays, *bring) : job.push64(rays);
+}
+
 // Pushes the next rays; false when there are no more. `job_error` is the job's, the returned one the sources'.
-Result<bool> push_some(Job& job, const RaySource& source, const ExtrasSource& extras, double& seconds,
-                       Status& job_error) {
+template <typename Source>
+Result<bool> push_some(Job& job, const Source& source, const ExtrasSource& extras, double& seconds, Status& job_error) {
   const auto begin = Clock::now();
   RAYMILL_ASSIGN_OR_RETURN(const auto rays, source());
   RayExtras bring;
@@ -31,11 +38,12 @@ Result<bool> push_some(Job& job, const RaySource& source, const ExtrasSource& ex
     RAYMILL_ASSIGN_OR_RETURN(bring, extras(rays.size()));
   }
   seconds += seconds_since(begin);
-  job_error = rays.empty() ? job.finish() : extras ? job.push_with(rays, bring) : job.push(rays);
+  job_error = rays.empty() ? job.finish() : push(job, rays, extras ? &bring : nullptr);
   return !rays.empty() && job_error.ok();
 }
 
-Status push_all(Job& job, const RaySource& source, const ExtrasSource& extras, double& seconds, Status& job_error) {
+template <typename Source>
+Status push_all(Job& job, const Source& source, const ExtrasSource& extras, double& seconds, Status& job_error) {
   Result<bool> more = true;
   while (more && *more) {
     more = push_some(job, source, extras, seconds, job_error);
@@ -80,10 +88,9 @@ class Watcher {
   std::thread thread_;
 };
 
-}  // namespace
-
-Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
-                 BatchTimes& times, const ExtrasSource& extras) {
+template <typename Source>
+Status run_any_batch(Job& job, const Source& source, const HitSink& sink, const BatchObserver& observer,
+                     BatchTimes& times, const ExtrasSource& extras) {
   Status source_error, push_error, sink_error;
   double input_seconds = 0;
   {
@@ -119,6 +126,18 @@ Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const B
     observer(job.progress());
   }
   return {};
+}
+
+}  // namespace
+
+Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
+                 BatchTimes& times, const ExtrasSource& extras) {
+  return run_any_batch(job, source, sink, observer, times, extras);
+}
+
+Status run_batch(Job& job, const WideRaySource& source, const HitSink& sink, const BatchObserver& observer,
+                 BatchTimes& times, const ExtrasSource& extras) {
+  return run_any_batch(job, source, sink, observer, times, extras);
 }
 
 RaySource source_of(std::span<const Ray> rays) {

@@ -16,6 +16,7 @@ namespace raymill::client {
 
 /// The next rays, which stay valid until the next call; an empty span at the end. Called from one thread.
 using RaySource = std::function<Result<std::span<const Ray>>()>;
+using WideRaySource = std::function<Result<std::span<const Ray64>>()>;
 /// What the rays bring that the source gave last, so many; it stays valid as long. None: they bring nothing.
 using ExtrasSource = std::function<Result<RayExtras>(std::size_t)>;
 /// Takes the next rows, in the rays' order. Called from the thread of run_batch().
@@ -31,6 +32,9 @@ struct BatchTimes {
 /// Returns when every ray is answered, or with the first error: the source's, the sink's, the job's, or interrupted
 /// when a signal came. After an error the job is cancelled.
 Status run_batch(Job& job, const RaySource& source, const HitSink& sink, const BatchObserver& observer,
+                 BatchTimes& times, const ExtrasSource& extras = {});
+/// The same for rays of float64 (Job::push64).
+Status run_batch(Job& job, const WideRaySource& source, const HitSink& sink, const BatchObserver& observer,
                  BatchTimes& times, const ExtrasSource& extras = {});
 
 /// A source of rays that are all in memory already.

@@ -96,6 +96,12 @@ Verb add_build(CLI::App& app) {
                    "none (the world's zero) or X,Y,Z")
       ->type_name("POINT")
       ->capture_default_str();
+  verb->add_option("--origins", options->config.origins,
+                   "Whether parts that lie far apart are kept relative to origins of their own: auto (where float32 "
+                   "would move them by a thousandth of a unit; not with --origin none), always (rays of float64 keep "
+                   "all digits to every placed object too), never")
+      ->type_name("RULE")
+      ->capture_default_str();
   verb->add_option("--codec", options->config.codec, "raw, lz4, zstd, or draco (smallest, needs a lattice)")
       ->type_name("NAME")
       ->capture_default_str();

@@ -48,22 +48,29 @@ Status submit(JobsOptions& options) {
   RAYMILL_ASSIGN_OR_RETURN(const auto client, connect(options));
   if (reader.is_wide()) {
     RAYMILL_ASSIGN_OR_RETURN(const auto store, client->open(options.store));
-    RAYMILL_ASSIGN_OR_RETURN(const auto origin, store->origin());
-    reader.set_origin(origin);
-    options.query.config.relative = origin != std::array<double, 3>{};
+    RAYMILL_ASSIGN_OR_RETURN(options.query.config.float64, store->keeps_float64());
+    if (!options.query.config.float64) {
+      RAYMILL_ASSIGN_OR_RETURN(const auto origin, store->origin());
+      reader.set_origin(origin);
+      options.query.config.relative = origin != std::array<double, 3>{};
+    }
   }
   std::optional<Progress> progress(style);
   const double total = reader.count() > 0 ? static_cast<double>(reader.count()) : 1;
   std::uint64_t sent = 0;
-  const auto id = client->submit(options.store, options.query.config, [&](std::span<Ray> rays) -> Result<std::size_t> {
+  const auto note = [&](const Result<std::size_t>& read) -> Result<std::size_t> {
     if (interrupted()) {
       return interrupted_status();
     }
-    RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(rays));
-    sent += count;
+    sent += read.ok() ? *read : 0;
     progress->report("submit", static_cast<double>(sent) / total, sent, "rays");
-    return count;
-  });
+    return read;
+  };
+  const auto id = options.query.config.float64
+                      ? client->submit64(options.store, options.query.config,
+                                         [&](std::span<Ray64> rays) { return note(reader.read64(rays)); })
+                      : client->submit(options.store, options.query.config,
+                                       [&](std::span<Ray> rays) { return note(reader.read(rays)); });
   progress.reset();
   if (!id) {
     return id.status();

@@ -18,19 +18,25 @@ constexpr std::size_t kBufferBytes = 64 << 10;
 
 using Origin = std::array<double, 3>;
 
-Ray ray_of(const std::array<float, 8>& v, const Origin& origin) {
-  const Ray ray{.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]};
-  return origin == Origin{} ? ray : traversal::moved_ray(ray, origin);
+Ray64 wide_ray(const std::array<double, 8>& v) {
+  return {.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]};
 }
-Ray ray_of(const std::array<double, 8>& v, const Origin& origin) {
-  return traversal::round_ray({.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]},
-                              origin);
+void assign(Ray& ray, const std::array<float, 8>& v, const Origin& origin) {
+  ray = {.org = {v[0], v[1], v[2]}, .tnear = v[3], .dir = {v[4], v[5], v[6]}, .tfar = v[7]};
+  ray = origin == Origin{} ? ray : traversal::moved_ray(ray, origin);
 }
+void assign(Ray& ray, const std::array<double, 8>& v, const Origin& origin) {
+  ray = traversal::round_ray(wide_ray(v), origin);
+}
+void assign(Ray64& ray, const std::array<float, 8>& v, const Origin& /*none*/) {
+  ray = wide_ray({v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]});
+}
+void assign(Ray64& ray, const std::array<double, 8>& v, const Origin& /*none*/) { ray = wide_ray(v); }
 
-template <typename T>
-void convert(std::span<const std::byte> raw, unsigned columns, const Origin& origin, std::span<Ray> rays) {
+template <typename T, typename AnyRay>
+void convert(std::span<const std::byte> raw, unsigned columns, const Origin& origin, std::span<AnyRay> rays) {
   const std::byte* row = raw.data();
-  for (Ray& ray : rays) {
+  for (AnyRay& ray : rays) {
     std::array<T, 8> values;
     std::memcpy(values.data(), row, columns * sizeof(T));
     row += columns * sizeof(T);
@@ -38,7 +44,7 @@ void convert(std::span<const std::byte> raw, unsigned columns, const Origin& ori
       values = {values[0], values[1], values[2], 0,
                 values[3], values[4], values[5], std::numeric_limits<T>::infinity()};
     }
-    ray = ray_of(values, origin);
+    assign(ray, values, origin);
   }
 }
 
@@ -60,7 +66,11 @@ Result<RayFileReader> RayFileReader::open(const std::string& path) {
   return RayFileReader(std::move(rows), columns, value_bytes);
 }
 
-Result<std::size_t> RayFileReader::read(std::span<Ray> rays) {
+Result<std::size_t> RayFileReader::read(std::span<Ray> rays) { return read_rows(rays); }
+Result<std::size_t> RayFileReader::read64(std::span<Ray64> rays) { return read_rows(rays); }
+
+template <typename AnyRay>
+Result<std::size_t> RayFileReader::read_rows(std::span<AnyRay> rays) {
   std::size_t done = 0;
   while (done < rays.size()) {
     RAYMILL_ASSIGN_OR_RETURN(const auto raw, rows_.read(rays.size() - done));

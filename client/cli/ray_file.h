@@ -37,8 +37,12 @@ class RayFileReader {
   [[nodiscard]] std::string identity() const { return rows_.identity(); }
   /// The next rays, at most rays.size(); returns how many, 0 at the end. Errors: io, bad_rays (the file shrank).
   Result<std::size_t> read(std::span<Ray> rays);
+  /// The same in world space, all digits of float64.
+  Result<std::size_t> read64(std::span<Ray64> rays);
 
  private:
+  template <typename AnyRay>
+  Result<std::size_t> read_rows(std::span<AnyRay> rays);
   RayFileReader(NpyRows rows, unsigned columns, unsigned value_bytes)
       : rows_(std::move(rows)), columns_(columns), value_bytes_(value_bytes) {}
 

@@ -291,6 +291,7 @@ json build_json(const BuildReport& report, const std::string& output) {
       {"sah_cost", report.sah_cost},
       {"max_displacement", report.max_displacement},
       {"origin", report.origin},
+      {"parts", report.parts},
       {"rms_displacement", report.rms_displacement},
       {"seconds",
        {{"import", report.import_seconds}, {"partition", report.partition_seconds}, {"build", report.build_seconds}}},
@@ -321,6 +322,11 @@ std::string build_text(const BuildReport& report, const std::string& output) {
   }
   if (report.origin != std::array<double, 3>{}) {
     text += "positions are kept relative to " + point(report.origin) + "\n";
+  }
+  if (report.parts > 0) {
+    text += std::to_string(report.parts) + (report.parts == 1
+                                                ? " part that lies apart is kept relative to an origin of its own\n"
+                                                : " parts that lie apart are kept relative to origins of their own\n");
   }
   if (report.masks > 0) {
     text += std::to_string(report.masks) + " masks in " + std::to_string(report.mask_pages) + " pages (" +

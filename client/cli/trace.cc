@@ -116,22 +116,34 @@ Status read_masks(TraceOptions& options) {
   return {};
 }
 
+// Rays of float64 go as they are where the store keeps more of them than float32; else they are rounded here, relative
+// to the store's origin.
+Status prepare_wide_rays(TraceOptions& options, const Store& store, RayFileReader& reader) {
+  if (!reader.is_wide()) {
+    return {};
+  }
+  RAYMILL_ASSIGN_OR_RETURN(options.query.config.float64, store.keeps_float64());
+  if (!options.query.config.float64) {
+    RAYMILL_ASSIGN_OR_RETURN(const auto origin, store.origin());
+    reader.set_origin(origin);
+    options.query.config.relative = origin != std::array<double, 3>{};
+  }
+  return {};
+}
+
 Status run(TraceOptions& options) {
   RAYMILL_RETURN_IF_ERROR(options.query.resolve());
   RAYMILL_ASSIGN_OR_RETURN(const ProgressStyle style, parse_progress_style(options.progress));
   // Everything that needs memory comes before the engine, which counts what the process holds.
   RAYMILL_ASSIGN_OR_RETURN(RayFileReader reader, RayFileReader::open(options.rays));
   std::vector<Ray> buffer(buffer_rays(options.service.memory));
+  std::vector<Ray64> wide_buffer(reader.is_wide() ? buffer.size() : 0);
   RAYMILL_ASSIGN_OR_RETURN(RayColumns columns, RayColumns::open(options.columns, reader.count(), buffer.size()));
   RAYMILL_RETURN_IF_ERROR(read_masks(options));
   Answers answers;
   RAYMILL_RETURN_IF_ERROR(answers.create(options, reader.count()));
   RAYMILL_ASSIGN_OR_RETURN(const OpenStore open, open_store(options.service, options.store, options.output));
-  if (reader.is_wide()) {
-    RAYMILL_ASSIGN_OR_RETURN(const auto origin, open.store->origin());
-    reader.set_origin(origin);
-    options.query.config.relative = origin != std::array<double, 3>{};
-  }
+  RAYMILL_RETURN_IF_ERROR(prepare_wide_rays(options, *open.store, reader));
   if (options.resume) {
     RAYMILL_ASSIGN_OR_RETURN(const StoreInfo info, open.store->info());
     RAYMILL_RETURN_IF_ERROR(answers.resume(options, reader.count(), run_of(options, reader, columns, info)));
@@ -144,18 +156,22 @@ Status run(TraceOptions& options) {
   const std::uint64_t rays_before = answers.rays_done();
   BatchTimes times;
   const bool brings = options.query.config.skips || options.query.config.masks;
-  const Status status = run_batch(
-      *job,
-      [&]() -> Result<std::span<const Ray>> {
-        RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(buffer));
-        return std::span<const Ray>(buffer).first(count);
-      },
-      [&](const HitChunk& chunk) { return answers.write(chunk); },
-      [&](const JobProgress& state) {
-        progress->report("trace", static_cast<double>(rays_before + state.rays_done) / total, state.rays_done, "rays",
-                         state.bytes_read);
-      },
-      times, brings ? [&columns](std::size_t rays) { return columns.read(rays); } : ExtrasSource());
+  const HitSink sink = [&](const HitChunk& chunk) { return answers.write(chunk); };
+  const BatchObserver observer = [&](const JobProgress& state) {
+    progress->report("trace", static_cast<double>(rays_before + state.rays_done) / total, state.rays_done, "rays",
+                     state.bytes_read);
+  };
+  const ExtrasSource extras = brings ? [&columns](std::size_t rays) { return columns.read(rays); } : ExtrasSource();
+  const RaySource rays = [&]() -> Result<std::span<const Ray>> {
+    RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read(buffer));
+    return std::span<const Ray>(buffer).first(count);
+  };
+  const WideRaySource wide_rays = [&]() -> Result<std::span<const Ray64>> {
+    RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, reader.read64(wide_buffer));
+    return std::span<const Ray64>(wide_buffer).first(count);
+  };
+  const Status status = options.query.config.float64 ? run_batch(*job, wide_rays, sink, observer, times, extras)
+                                                     : run_batch(*job, rays, sink, observer, times, extras);
   if (status.code() == ErrorCode::interrupted && options.resume) {
     return {status.code(),
             status.message() + "; " + options.output + ".part holds what is finished, repeat the command to go on"};
@@ -200,7 +216,8 @@ Verb add_trace(CLI::App& app) {
       "dir\n"
       "are rounded to the nearest float32, tnear up and tfar down, so that a hit lies in the interval of the file.\n"
       "Rays are in world space. Where the store has an origin (raymill info), org is taken relative to it in float64\n"
-      "before it is rounded, so write rays of float64 where the scene lies far out.\n"
+      "before it is rounded, so write rays of float64 where the scene lies far out; where parts have origins of their\n"
+      "own (feature origins), org keeps all its digits on the way to them.\n"
       "Hits: one structured .npy of N rows in the rays' order. A miss has t = inf and ids 4294967295; an invalid ray\n"
       "(NaN, infinite, zero dir, crossed interval) has t = NaN. Both files are streamed, so they may be of any size.\n"
       "--query count: a plain .npy of N uint32; 4294967295 for an invalid ray. --query transmittance: one of N "

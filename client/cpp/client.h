@@ -46,6 +46,9 @@ class Client final : public Service {
   /// many it wrote, 0 at the end. Returns the job's id.
   Result<std::string> submit(const std::string& store, const TraceConfig& config,
                              const std::function<Result<std::size_t>(std::span<Ray>)>& rays);
+  /// The same for rays of float64; asks for TraceConfig::float64.
+  Result<std::string> submit64(const std::string& store, const TraceConfig& config,
+                               const std::function<Result<std::size_t>(std::span<Ray64>)>& rays);
   Result<JobInfo> job(const std::string& id);
   Result<std::vector<JobInfo>> jobs();
   /// Returns when the job is done, failed or cancelled, or after `timeout_seconds` (<= 0: never) with busy_retry.

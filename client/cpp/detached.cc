@@ -50,13 +50,18 @@ JobInfo from_wire(const pb::JobInfo& wire) {
 
 }  // namespace
 
-Result<std::string> Client::submit(const std::string& store, const TraceConfig& config,
-                                   const std::function<Result<std::size_t>(std::span<Ray>)>& rays) {
-  const auto& session = *impl_->session;
+namespace {
+
+Status push(client::JobLink& link, std::span<const Ray> rays) { return link.push(rays); }
+Status push(client::JobLink& link, std::span<const Ray64> rays) { return link.push64(rays); }
+
+template <typename AnyRay>
+Result<std::string> submit_any(const client::Session& session, const std::string& store, const TraceConfig& config,
+                               const std::function<Result<std::size_t>(std::span<AnyRay>)>& rays) {
   RAYMILL_ASSIGN_OR_RETURN(
       const std::unique_ptr<client::JobLink> link,
       client::JobLink::start(session.context, session.config, {.store = store, .trace = config, .detached = true}));
-  std::vector<Ray> batch(link->chunk_rays());
+  std::vector<AnyRay> batch(link->chunk_rays());
   while (true) {
     RAYMILL_ASSIGN_OR_RETURN(const std::size_t count, rays(batch));
     if (count > batch.size()) {
@@ -65,10 +70,24 @@ Result<std::string> Client::submit(const std::string& store, const TraceConfig& 
     if (count == 0) {
       break;
     }
-    RAYMILL_RETURN_IF_ERROR(link->push(std::span(batch).first(count)));
+    RAYMILL_RETURN_IF_ERROR(push(*link, std::span<const AnyRay>(batch).first(count)));
   }
   RAYMILL_RETURN_IF_ERROR(link->finish());
   return link->id();
+}
+
+}  // namespace
+
+Result<std::string> Client::submit(const std::string& store, const TraceConfig& config,
+                                   const std::function<Result<std::size_t>(std::span<Ray>)>& rays) {
+  return submit_any(*impl_->session, store, config, rays);
+}
+
+Result<std::string> Client::submit64(const std::string& store, const TraceConfig& config,
+                                     const std::function<Result<std::size_t>(std::span<Ray64>)>& rays) {
+  TraceConfig wide = config;
+  wide.float64 = true;
+  return submit_any(*impl_->session, store, wide, rays);
 }
 
 Result<JobInfo> Client::job(const std::string& id) {

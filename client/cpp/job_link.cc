@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -68,12 +69,18 @@ Result<std::unique_ptr<JobLink>> JobLink::start(std::shared_ptr<zmq::context_t> 
     return {ErrorCode::corrupt, config.address + " answered a request for a job with something else"};
   }
   const pb::JobAccepted& accepted = answer.message.job_accepted();
+  if (request.trace.float64 && !accepted.float64()) {
+    return {ErrorCode::unsupported,
+            config.address +
+                " is a server of an older version, which takes no rays of float64; round them relative to "
+                "StoreInfo::origin and ask for TraceConfig::relative, or renew the server"};
+  }
   const std::lock_guard lock(link->mutex_);
   link->id_ = accepted.job().id();
   link->layout_ = HitLayout(Field(accepted.job().fields()));
   link->lists_ = gives_lists(request.trace.query);
-  link->skips_ = request.trace.skips;
-  link->masks_ = request.trace.masks;
+  link->config_ = request.trace;
+  link->config_.geometry_masks = {};  // which are sent
   link->chunk_rays_ = accepted.chunk_rays();
   link->chunk_limit_ = std::max(link->chunk_limit_, accepted.chunk_limit());
   return link;
@@ -125,17 +132,29 @@ void JobLink::end(const Status& status) {
 
 Status JobLink::check(std::size_t rays, const RayExtras& extras) const {
   const auto fits = [rays](std::size_t count, bool asked) { return count == 0 || (asked && count == rays); };
-  if (!fits(extras.skipped.size(), skips_) || !fits(extras.masks.size(), masks_)) {
+  if (!fits(extras.skipped.size(), config_.skips) || !fits(extras.masks.size(), config_.masks)) {
     return {ErrorCode::invalid_argument,
             "rays bring primitives to skip or masks where the job was asked for them (TraceConfig), one for each ray"};
   }
   return {};
 }
 
+namespace {
+
+Ray64 widened(const Ray& ray) {
+  return {.org = {ray.org[0], ray.org[1], ray.org[2]},
+          .tnear = ray.tnear,
+          .dir = {ray.dir[0], ray.dir[1], ray.dir[2]},
+          .tfar = ray.tfar};
+}
+
+}  // namespace
+
 // Rays that there is place for; what they do not bring is that they skip nothing and have all bits.
-void JobLink::fill_chunk(std::span<const Ray> rays, const RayExtras& extras) {
+template <typename AnyRay>
+void JobLink::fill_chunk(std::span<const AnyRay> rays, const RayExtras& extras) {
   if (!chunk_) {
-    chunk_.emplace(chunk_rays_ * server::ray_bytes(skips_, masks_));
+    chunk_.emplace(chunk_rays_ * server::ray_bytes(config_));
     chunk_fill_ = 0;
   }
   std::byte* part = server::bytes_of(*chunk_).data();
@@ -149,11 +168,23 @@ void JobLink::fill_chunk(std::span<const Ray> rays, const RayExtras& extras) {
     }
     part += chunk_rays_ * sizeof(T);
   };
-  put(rays, Ray());
-  if (skips_) {
+  if constexpr (std::is_same_v<AnyRay, Ray>) {
+    if (config_.float64) {
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        const Ray64 wide = widened(rays[i]);
+        std::memcpy(part + (chunk_fill_ + i) * sizeof wide, &wide, sizeof wide);
+      }
+      part += chunk_rays_ * sizeof(Ray64);
+    } else {
+      put(rays, Ray());
+    }
+  } else {
+    put(rays, Ray64());
+  }
+  if (config_.skips) {
     put(extras.skipped, PrimitiveIds());
   }
-  if (masks_) {
+  if (config_.masks) {
     put(extras.masks, kAllMask);
   }
   chunk_fill_ += rays.size();
@@ -167,10 +198,11 @@ Frame JobLink::take_chunk() {
   if (rays == chunk_rays_) {
     return full;
   }
-  Frame frame(rays * server::ray_bytes(skips_, masks_));
+  Frame frame(rays * server::ray_bytes(config_));
   const std::byte* from = server::bytes_of(full).data();
   std::byte* to = server::bytes_of(frame).data();
-  for (const std::size_t each : {sizeof(Ray), skips_ ? sizeof(PrimitiveIds) : 0, masks_ ? sizeof(std::uint32_t) : 0}) {
+  for (const std::size_t each : {config_.float64 ? sizeof(Ray64) : sizeof(Ray),
+                                 config_.skips ? sizeof(PrimitiveIds) : 0, config_.masks ? sizeof(std::uint32_t) : 0}) {
     std::memcpy(to, from, rays * each);
     to += rays * each;
     from += chunk_rays_ * each;
@@ -178,7 +210,17 @@ Frame JobLink::take_chunk() {
   return frame;
 }
 
-Status JobLink::push(std::span<const Ray> rays, const RayExtras& extras) {
+Status JobLink::push(std::span<const Ray> rays, const RayExtras& extras) { return push_any(rays, extras); }
+
+Status JobLink::push64(std::span<const Ray64> rays, const RayExtras& extras) {
+  if (!config_.float64) {
+    return {ErrorCode::invalid_argument, "the job was not asked for rays of float64 (TraceConfig::float64)"};
+  }
+  return push_any(rays, extras);
+}
+
+template <typename AnyRay>
+Status JobLink::push_any(std::span<const AnyRay> rays, const RayExtras& extras) {
   if (finished_) {
     return {ErrorCode::invalid_argument, "rays were pushed after finish()"};
   }

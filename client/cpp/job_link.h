@@ -43,6 +43,8 @@ class JobLink {
   /// Fills chunks and sends those that are full. Waits for credit. Errors: also invalid_argument (what the rays bring
   /// is not what the job was asked for).
   Status push(std::span<const Ray> rays, const RayExtras& extras = {});
+  /// The same; the job must have been asked for them (TraceConfig::float64), and then takes both kinds.
+  Status push64(std::span<const Ray64> rays, const RayExtras& extras = {});
   /// Sends what is left and says that no more comes.
   Status finish();
   std::optional<HitChunk> next();
@@ -61,7 +63,10 @@ class JobLink {
   void on_message(ServerPacket&& packet);
   void end(const Status& status);
   [[nodiscard]] Status check(std::size_t rays, const RayExtras& extras) const;
-  void fill_chunk(std::span<const Ray> rays, const RayExtras& extras);
+  template <typename AnyRay>
+  Status push_any(std::span<const AnyRay> rays, const RayExtras& extras);
+  template <typename AnyRay>
+  void fill_chunk(std::span<const AnyRay> rays, const RayExtras& extras);
   Frame take_chunk();
   Status send_chunk();
   Result<HitChunk> chunk_of(ReceivedRows rows);
@@ -70,7 +75,8 @@ class JobLink {
 
   std::string id_;
   HitLayout layout_;
-  bool lists_ = false, skips_ = false, masks_ = false;
+  TraceConfig config_;  ///< what was asked for
+  bool lists_ = false;
   std::uint32_t chunk_rays_ = 0;
 
   // Of the pushing thread:

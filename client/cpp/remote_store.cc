@@ -15,6 +15,7 @@ class RemoteJob final : public Job {
   explicit RemoteJob(std::unique_ptr<JobLink> link) : link_(std::move(link)) {}
   Status push(std::span<const Ray> rays) override { return link_->push(rays); }
   Status push_with(std::span<const Ray> rays, const RayExtras& extras) override { return link_->push(rays, extras); }
+  Status push64(std::span<const Ray64> rays, const RayExtras& extras) override { return link_->push64(rays, extras); }
   Status finish() override { return link_->finish(); }
   std::optional<HitChunk> next() override { return link_->next(); }
   [[nodiscard]] Status status() const override { return link_->status(); }

@@ -35,4 +35,15 @@ Aabb placed_box(const Placement& m, const Aabb& object) {
   return box;
 }
 
+Aabb widened_for_rays(const Aabb& box, float reach) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const double by = double(reach) * 0x1p-22;
+  Aabb wide;
+  for (int axis = 0; axis < 3; ++axis) {
+    wide.lower[axis] = std::nextafter(static_cast<float>(box.lower[axis] - by), -kInfinity);
+    wide.upper[axis] = std::nextafter(static_cast<float>(box.upper[axis] + by), kInfinity);
+  }
+  return wide;
+}
+
 }  // namespace raymill::storage

@@ -95,14 +95,21 @@ Extent places_of_meshes(const tinygltf::Model& model, GltfScene& scene) {
   return places;
 }
 
-Result<Extent> extent_of(const SceneFile& file, std::optional<std::uint32_t> scene_index, Ledger& ledger,
-                         const std::function<Status()>& keep_going, bool& stopped) {
+Result<SceneLook> look_at(const SceneFile& file, std::optional<std::uint32_t> scene_index, Ledger& ledger,
+                          const std::function<Status()>& keep_going, bool& stopped) {
   RAYMILL_ASSIGN_OR_RETURN(const GltfContainer container, read_container(file.bytes));
   RAYMILL_ASSIGN_OR_RETURN(GltfDocument document, GltfDocument::load(file.bytes, container, ledger));
   RAYMILL_ASSIGN_OR_RETURN(GltfScene scene, place_nodes(document.model(), scene_index, ledger));
-  Extent extent = places_of_meshes(document.model(), scene);
+  SceneLook look;
+  Extent& extent = look.extent = places_of_meshes(document.model(), scene);
+  RAYMILL_ASSIGN_OR_RETURN(look.claim, ledger.claim(Tag::build, 3 * scene.nodes.size() * sizeof(ScenePiece)));
+  look.pieces.reserve(scene.nodes.size());
+  for (const PlacedNode& placed : scene.nodes) {
+    look.pieces.push_back(piece_of(document.model(), placed));
+  }
   if (!extent.is_far()) {
-    return Extent();
+    extent = {};
+    return look;
   }
   RAYMILL_ASSIGN_OR_RETURN(BudgetReservation scratch,
                            ledger.claim(Tag::build, TriangleWriter::heap_bytes() + kPrimitiveScratchBytes));
@@ -117,10 +124,9 @@ Result<Extent> extent_of(const SceneFile& file, std::optional<std::uint32_t> sce
   stopped = writer.sink_failed();
   RAYMILL_RETURN_IF_ERROR(status);
   if (!sink.extent().empty()) {
-    extent.grow(sink.extent().lower);
-    extent.grow(sink.extent().upper);
+    extent.join(sink.extent());
   }
-  return extent;
+  return look;
 }
 
 // Puts the file's name before an error of the import; the sink's errors pass as they are.
@@ -148,12 +154,12 @@ Status import_gltf(const std::string& path, const ImportOptions& options, Ledger
   return import_file(file, options, ledger, sink, report);
 }
 
-Result<Extent> gltf_extent(const std::string& path, std::optional<std::uint32_t> scene, Ledger& ledger,
-                           const std::function<Status()>& keep_going) {
+Result<SceneLook> look_at_gltf(const std::string& path, std::optional<std::uint32_t> scene, Ledger& ledger,
+                               const std::function<Status()>& keep_going) {
   RAYMILL_ASSIGN_OR_RETURN(const SceneFile file, open_scene(path));
   bool stopped = false;
-  Result<Extent> extent = extent_of(file, scene, ledger, keep_going, stopped);
-  return extent.ok() || stopped ? extent : in_context(path, extent.status());
+  Result<SceneLook> look = look_at(file, scene, ledger, keep_going, stopped);
+  return look.ok() || stopped ? std::move(look) : in_context(path, look.status());
 }
 
 Status import_gltf_memory(std::span<const std::byte> bytes, const std::string& name, const ImportOptions& options,

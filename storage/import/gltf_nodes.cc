@@ -184,10 +184,26 @@ class NodeImport {
       return options_.instances->place({placement_of(world_from_mesh), visit.mesh.object->number, base,
                                         static_cast<std::uint32_t>(report.instances++)});
     }
+    RAYMILL_ASSIGN_OR_RETURN(const Transform transform, enter_part(visit, world_from_mesh));
     for (std::size_t i = 0; i < primitives; ++i) {
-      RAYMILL_RETURN_IF_ERROR(import_one(visit, i, base + static_cast<std::uint32_t>(i), world_from_mesh));
+      RAYMILL_RETURN_IF_ERROR(import_one(visit, i, base + static_cast<std::uint32_t>(i), transform));
     }
     return {};
+  }
+
+  // Into the space of the part that the mesh is in, if it is in one.
+  Result<Transform> enter_part(const Visit& visit, const Transform& world_from_mesh) {
+    if (options_.parts.empty()) {
+      return world_from_mesh;
+    }
+    const std::uint32_t part = part_of(options_.parts, piece_of(model_, {visit.placed.node, world_from_mesh}).box);
+    RAYMILL_RETURN_IF_ERROR(context_.out.flush());
+    options_.part_sink->enter_part(part);
+    Transform transform = world_from_mesh;
+    if (part != kNoPart) {
+      transform.move_back(options_.parts[part].origin.position());
+    }
+    return transform;
   }
 
   Status place_attributes(const Visit& visit, std::uint32_t base, const Transform& world_from_mesh) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "storage/import/message.h"
@@ -12,6 +13,42 @@ namespace raymill::storage {
 namespace {
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+// What a normalised integer's bounds count in.
+double unit_of(const tinygltf::Accessor& accessor) {
+  switch (accessor.normalized ? accessor.componentType : 0) {
+    case TINYGLTF_COMPONENT_TYPE_BYTE:
+      return 127;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return 255;
+    case TINYGLTF_COMPONENT_TYPE_SHORT:
+      return 32767;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return 65535;
+    default:
+      return 1;
+  }
+}
+
+// By the accessors of its primitives of triangles; none where one of them does not say.
+std::optional<Extent> extent_of(const tinygltf::Model& model, const tinygltf::Mesh& mesh) {
+  Extent extent;
+  for (const tinygltf::Primitive& primitive : mesh.primitives) {
+    const auto position = primitive.attributes.find("POSITION");
+    if (primitive.mode < TINYGLTF_MODE_TRIANGLES || position == primitive.attributes.end()) {
+      continue;
+    }
+    const tinygltf::Accessor& accessor = model.accessors[at(position->second)];
+    if (accessor.minValues.size() != 3 || accessor.maxValues.size() != 3) {
+      return std::nullopt;
+    }
+    const double unit = unit_of(accessor);
+    for (const std::vector<double>& p : {accessor.minValues, accessor.maxValues}) {
+      extent.grow({p[0] / unit, p[1] / unit, p[2] / unit});
+    }
+  }
+  return extent.empty() ? std::nullopt : std::optional<Extent>(extent);
+}
 
 Transform trs_of(const tinygltf::Node& node) {
   const auto value = [](const std::vector<double>& values, std::size_t i, double otherwise) {
@@ -140,6 +177,34 @@ Result<GltfScene> place_nodes(const tinygltf::Model& model, std::optional<std::u
   std::sort(placed.nodes.begin(), placed.nodes.end(),
             [](const PlacedNode& a, const PlacedNode& b) { return a.node < b.node; });
   return placed;
+}
+
+ScenePiece piece_of(const tinygltf::Model& model, const PlacedNode& placed) {
+  const tinygltf::Node& node = model.nodes[at(placed.node)];
+  ScenePiece piece;
+  if (node.mesh < 0 || node.extensions.contains("EXT_mesh_gpu_instancing")) {
+    return piece;
+  }
+  const std::optional<Extent> own = extent_of(model, model.meshes[at(node.mesh)]);
+  if (!own) {
+    return piece;
+  }
+  const auto& m = placed.world_from_node.m;
+  double moved = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    double lower = m[12 + axis], upper = m[12 + axis];
+    for (std::size_t column = 0; column < 3; ++column) {
+      const double a = m[column * 4 + axis] * own->lower[column], b = m[column * 4 + axis] * own->upper[column];
+      lower += std::min(a, b);
+      upper += std::max(a, b);
+    }
+    piece.box.lower[axis] = lower;
+    piece.box.upper[axis] = upper;
+    moved = std::max(moved, std::fabs(m[12 + axis]));
+  }
+  // Where the mesh's own float32 reaches as far, it has lost what there was to lose.
+  piece.gains = moved >= piece.box.reach() / 2;
+  return piece;
 }
 
 std::vector<CameraInfo> placed_cameras(const tinygltf::Model& model, const GltfScene& scene) {

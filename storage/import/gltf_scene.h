@@ -11,6 +11,7 @@
 #include "storage/base/ledger.h"
 #include "storage/base/status.h"
 #include "storage/import/scene_import.h"
+#include "storage/import/scene_parts.h"
 #include "storage/import/transform.h"
 
 namespace tinygltf {
@@ -34,6 +35,10 @@ struct GltfScene {
 /// Errors: invalid_argument (no such scene), bad_scene (a cycle anywhere, a node reached twice, a matrix that is not
 /// affine), budget_exceeded.
 Result<GltfScene> place_nodes(const tinygltf::Model& model, std::optional<std::uint32_t> scene, Ledger& ledger);
+
+/// A node's mesh as the node places it, by what its accessors say of their least and most positions. The box is empty
+/// where they do not say it, and where EXT_mesh_gpu_instancing places the mesh.
+ScenePiece piece_of(const tinygltf::Model& model, const PlacedNode& placed);
 
 /// The cameras of the placed nodes, in their order.
 std::vector<CameraInfo> placed_cameras(const tinygltf::Model& model, const GltfScene& scene);

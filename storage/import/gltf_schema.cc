@@ -37,6 +37,8 @@ constexpr JsonField kAccessorFields[] = {
     {"normalized", Kind::boolean},
     {"count", Kind::count, true},
     {"type", Kind::element, true},
+    {"min", Kind::bounds, false, {}, nullptr, 3},
+    {"max", Kind::bounds, false, {}, nullptr, 3},
     {"sparse", Kind::object, false, {}, &kSparse},
 };
 constexpr JsonObject kAccessor{kAccessorFields};

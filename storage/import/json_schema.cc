@@ -61,7 +61,7 @@ class Normalizer {
         }
         continue;
       }
-      if (field.kind == FieldKind::name && !it->is_string()) {
+      if (is_left_out(*it, field)) {
         continue;
       }
       if (Status status = one(*it, field); !status.ok()) {
@@ -74,6 +74,14 @@ class Normalizer {
   }
 
  private:
+  static bool is_left_out(const json& value, const JsonField& field) {
+    if (field.kind == FieldKind::bounds) {
+      return !value.is_array() || value.size() != field.length ||
+             !std::ranges::all_of(value, [](const json& element) { return element.is_number(); });
+    }
+    return field.kind == FieldKind::name && !value.is_string();
+  }
+
   Status one(json& value, const JsonField& field) const {
     switch (field.kind) {
       case FieldKind::index:
@@ -100,6 +108,8 @@ class Normalizer {
         return {};
       case FieldKind::object:
         return object(value, *field.object);
+      case FieldKind::bounds:
+        return {};
       case FieldKind::numbers:
         if (value.is_array() && value.size() != field.length) {
           return bad_scene(" has ", value.size(), " numbers; it must have ", field.length);

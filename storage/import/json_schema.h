@@ -23,6 +23,7 @@ enum class FieldKind {
   element,  // SCALAR, VEC3, ...
   number,
   numbers,  // array of `length`
+  bounds,   // the same, and left out where it is anything else
   boolean,
   text,
   texts,    // array of strings

@@ -22,6 +22,7 @@
 #include "storage/base/volume.h"
 #include "storage/import/attribute_sink.h"
 #include "storage/import/mask_sink.h"
+#include "storage/import/scene_parts.h"
 
 namespace raymill::storage {
 
@@ -174,6 +175,10 @@ struct ImportOptions {
   InstanceSink* instances = nullptr;  ///< none: everything becomes triangles in world space
   /// Subtracted in float64 from every position before it is rounded, and from where objects are placed. Cameras stay.
   std::array<double, 3> origin{};
+  /// Of the scene, relative to that origin. Meshes in them that become triangles come in their spaces, which
+  /// `part_sink` is told before. None: all is in the scene's own space.
+  std::span<const ScenePart> parts = {};
+  PartSink* part_sink = nullptr;
   MaskRule mask_rule = {};
   MaskSink* masks = nullptr;    ///< none: everything is opaque, whatever the rule
   AttributeSet attributes = 0;  ///< of triangles' corners, to be kept; glTF alone has them

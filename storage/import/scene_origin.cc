@@ -20,11 +20,9 @@ namespace raymill::storage {
 
 namespace {
 
-constexpr double kNearWords = 1 << 14;  // an OBJ or STL that begins nearer to zero is not looked at
-
 using Point = std::array<double, 3>;
 
-// The first vertex of a file of words; none where it is not further than kNearWords from zero.
+// The first vertex of a file of words.
 std::optional<Point> first_vertex_of_words(const ByteSource& file, std::string_view keyword) {
   TextReader text(file, 0, {.comments = true, .continuations = false});
   for (std::string_view word = text.word_of_any_line(); !word.empty(); word = text.word_of_any_line()) {
@@ -32,12 +30,11 @@ std::optional<Point> first_vertex_of_words(const ByteSource& file, std::string_v
       continue;
     }
     Point p{};
-    bool good = true, is_far = false;
+    bool good = true;
     for (double& x : p) {
       good = good && parse_double(text.word(), x) && std::isfinite(x);
-      is_far = is_far || std::fabs(x) > kNearWords;
     }
-    return good && is_far ? std::optional<Point>(p) : std::nullopt;
+    return good ? std::optional<Point>(p) : std::nullopt;
   }
   return std::nullopt;
 }
@@ -86,28 +83,12 @@ std::optional<Point> first_vertex(SceneFormat format, const ByteSource& file) {
   return std::nullopt;
 }
 
-Result<Extent> extent_of(const std::string& path, const ImportOptions& options, Ledger& ledger,
-                         const std::function<Status()>& keep_going) {
-  RAYMILL_ASSIGN_OR_RETURN(const ByteSource file, ByteSource::open(path));
-  const Result<SceneFormat> format = detect_format(file, path);
-  if (!format.ok()) {
-    return in_context(path, format.status());
+bool is_near(const Point& p, const Point& place) {
+  bool is = true;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    is = is && std::fabs(p[axis] - place[axis]) <= kNearReach;
   }
-  if (*format == SceneFormat::gltf) {
-    return gltf_extent(path, options.scene, ledger, keep_going);
-  }
-  const std::optional<Point> first = first_vertex(*format, file);
-  if (!first) {
-    return Extent();
-  }
-  // About its own first vertex: where float32 would leave nothing of a scene, it is there to be measured.
-  ImportOptions about;
-  about.scene = options.scene;
-  about.origin = *first;
-  ExtentSink sink(about.origin, keep_going);
-  ImportReport unused;
-  RAYMILL_RETURN_IF_ERROR(import_scene(path, about, ledger, sink, unused));
-  return sink.extent();
+  return is;
 }
 
 }  // namespace
@@ -140,13 +121,43 @@ Result<std::optional<Origin>> parse_origin(const std::string& text) {
   return std::optional<Origin>(most > 0 ? origin_near(position, std::ilogb(most) - kBits) : Origin());
 }
 
-Result<Origin> choose_origin(const std::string& path, const ImportOptions& options, Ledger& ledger,
-                             const std::function<Status()>& keep_going) {
-  RAYMILL_ASSIGN_OR_RETURN(const Extent extent, extent_of(path, options, ledger, keep_going));
+Result<SceneLook> look_at_scene(const std::string& path, const ImportOptions& options, const std::optional<Point>& near,
+                                Ledger& ledger, const std::function<Status()>& keep_going) {
+  RAYMILL_ASSIGN_OR_RETURN(const ByteSource file, ByteSource::open(path));
+  const Result<SceneFormat> format = detect_format(file, path);
+  if (!format.ok()) {
+    return in_context(path, format.status());
+  }
+  if (*format == SceneFormat::gltf) {
+    return look_at_gltf(path, options.scene, ledger, keep_going);
+  }
+  const std::optional<Point> first = first_vertex(*format, file);
+  // A PLY of wide numbers may begin anywhere and lie far out all the same.
+  const bool is_worth_it = *format == SceneFormat::ply && !near;
+  if (!first || (!is_worth_it && is_near(*first, near.value_or(Point{})))) {
+    return SceneLook();
+  }
+  // About its own first vertex: where float32 would leave nothing of a scene, it is there to be measured.
+  ImportOptions about;
+  about.scene = options.scene;
+  about.origin = *first;
+  ExtentSink sink(about.origin, keep_going);
+  ImportReport unused;
+  RAYMILL_RETURN_IF_ERROR(import_scene(path, about, ledger, sink, unused));
+  return SceneLook{sink.extent(), {{sink.extent(), true}}, true, {}};
+}
+
+Origin choose_origin(const Extent& extent) {
   if (!extent.is_far()) {
-    return Origin();
+    return {};
   }
   return origin_near(extent.middle(), extent.side() > 0 ? std::ilogb(extent.side()) + 1 : -Origin::kMostExponent);
+}
+
+Result<Origin> choose_origin(const std::string& path, const ImportOptions& options, Ledger& ledger,
+                             const std::function<Status()>& keep_going) {
+  RAYMILL_ASSIGN_OR_RETURN(const SceneLook look, look_at_scene(path, options, {}, ledger, keep_going));
+  return choose_origin(look.extent);
 }
 
 }  // namespace raymill::storage

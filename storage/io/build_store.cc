@@ -36,7 +36,7 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
   }
   const tbb::global_control workers(tbb::global_control::max_allowed_parallelism, most_workers(config.threads));
   RAYMILL_ASSIGN_OR_RETURN(const std::unique_ptr<StoreBuilder> builder, StoreBuilder::create(config));
-  RAYMILL_RETURN_IF_ERROR(builder->choose_origin());
+  RAYMILL_RETURN_IF_ERROR(builder->choose_origins());
   for (std::size_t i = 0; i < config.scenes.size(); ++i) {
     builder->set_import_fraction(double(i) / double(config.scenes.size()));
     RAYMILL_ASSIGN_OR_RETURN(const bool holds_volumes, is_vdb(config.scenes[i]));
@@ -45,10 +45,7 @@ Result<BuildReport> build_scenes(const BuildConfig& config) {
       continue;
     }
     RAYMILL_RETURN_IF_ERROR(
-        import_scene(config.scenes[i],
-                     {config.scene_index, builder->instance_rule(), builder.get(), builder->origin().position(),
-                      builder->mask_rule(), builder.get(), builder->attributes(), builder.get()},
-                     builder->ledger(), *builder, builder->import_report()));
+        import_scene(config.scenes[i], builder->begin_scene(i), builder->ledger(), *builder, builder->import_report()));
   }
   return builder->finish();
 }

@@ -42,6 +42,10 @@ struct BuildConfig {
   /// What positions are kept relative to: "auto" (a point of the first scene where that lies far out, else the world's
   /// zero), "none" (the world's zero) or "X,Y,Z". A StoreWriter takes "auto" for "none".
   std::string origin = "auto";
+  /// Whether parts of the scene that lie apart, further out than float32 can tell a thousandth of a unit, are kept
+  /// relative to origins of their own: "auto" (unless `origin` is "none"), "never", or "always": as auto, and rays of
+  /// float64 keep all their digits on the way to every placed object (TraceConfig::float64).
+  std::string origins = "auto";
   unsigned threads = 0;  ///< 0: one for each core; the bytes of the store do not depend on it
   /// Called now and then, from one thread at a time, with a phase ("import", "partition", "masks", "build",
   /// "attributes", "volumes")
@@ -70,6 +74,7 @@ struct BuildReport {
   std::uint64_t attribute_bytes = 0;  ///< of those in the store
   std::uint64_t attribute_decoded_bytes = 0;
   std::array<double, 3> origin{};     ///< what positions are relative to, in the world
+  std::uint64_t parts = 0;            ///< of the scene that have origins of their own; they count as objects too
   double sah_cost = 0;                ///< surface-area cost, node step 1, triangle test 1, relative to the root's area
   double max_displacement = 0;        ///< of a vertex by the lattice, scene units; 0 for float32
   double rms_displacement = 0;        ///< the same, root of the mean square over the corners of all triangles

@@ -67,6 +67,13 @@ Result<StoreBuilder::Plan> StoreBuilder::check(const BuildConfig& config) {
     RAYMILL_RETURN_IF_ERROR(parse_volume_transform(transform).status());
   }
   RAYMILL_ASSIGN_OR_RETURN(plan.origin, parse_origin(config.origin));
+  if (config.origins == "always" || config.origins == "never") {
+    plan.origins = config.origins == "always" ? OriginsRule::always : OriginsRule::never;
+  } else if (config.origins != "auto") {
+    return {ErrorCode::invalid_argument, "--origins " + config.origins + " is none of auto, always and never"};
+  } else if (config.origin == "none") {
+    plan.origins = OriginsRule::never;
+  }
   if (config.blend_as_mask && !(*config.blend_as_mask >= 0 && *config.blend_as_mask <= 1)) {
     return {ErrorCode::invalid_argument, "--blend-as-mask takes a cutoff from 0 to 1"};
   }
@@ -124,27 +131,11 @@ Status StoreBuilder::step(const char* phase, double fraction) const {
   return {};
 }
 
-Status StoreBuilder::choose_origin() {
-  if (plan_.origin) {
-    return {};
-  }
-  for (const std::string& scene : config_.scenes) {
-    RAYMILL_ASSIGN_OR_RETURN(const bool holds_volumes, is_vdb(scene));
-    if (!holds_volumes) {
-      ImportOptions options;
-      options.scene = config_.scene_index;
-      RAYMILL_ASSIGN_OR_RETURN(origin_,
-                               storage::choose_origin(scene, options, ledger_, [this] { return step("import", 0); }));
-      break;
-    }
-  }
-  return {};
-}
-
 Status StoreBuilder::add(std::span<const Triangle> triangles) {
-  if (object_) {
+  if (object_ || part_ != kNoPart) {
+    BucketWriter& writer = object_ ? *object_ : part_writers_[part_];
     for (const Triangle& t : triangles) {
-      RAYMILL_RETURN_IF_ERROR(object_->add(t));
+      RAYMILL_RETURN_IF_ERROR(writer.add(t));
     }
   } else {
     RAYMILL_RETURN_IF_ERROR(spool_.add(triangles));
@@ -237,6 +228,10 @@ Result<Partition> StoreBuilder::partition(Lattice& lattice) {
     RAYMILL_ASSIGN_OR_RETURN(object.parts, partition(std::move(object.bucket), run_triangles_, lattice));
     count_dropped(object.parts, object.placed);
   }
+  RAYMILL_RETURN_IF_ERROR(instances_.finish());
+  if (is_wide()) {
+    RAYMILL_ASSIGN_OR_RETURN(reach_, reach(scene.nodes.empty() ? Aabb() : scene.nodes[0].box));
+  }
   RAYMILL_ASSIGN_OR_RETURN(TriangleBucket boxes, stand_ins());
   Lattice none;
   RAYMILL_ASSIGN_OR_RETURN(Partition instances,
@@ -246,14 +241,12 @@ Result<Partition> StoreBuilder::partition(Lattice& lattice) {
 
 // Of all instances of objects that have a triangle left.
 Result<TriangleBucket> StoreBuilder::stand_ins() {
-  RAYMILL_RETURN_IF_ERROR(instances_.finish());
   BucketWriter out(blocks_);
   for (std::uint64_t i = 0; i < instances_.count(); ++i) {
     RAYMILL_ASSIGN_OR_RETURN(const Placed placed, instances_.read(i));
     const Partition& object = objects_[placed.object].parts;
     if (!object.nodes.empty()) {
-      RAYMILL_RETURN_IF_ERROR(
-          out.add(stand_in(placed_box(placed.world_from_object, object.nodes[0].box), static_cast<std::uint32_t>(i))));
+      RAYMILL_RETURN_IF_ERROR(out.add(stand_in(box_of(placed), static_cast<std::uint32_t>(i))));
     }
   }
   return out.take();
@@ -282,6 +275,9 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
     header.origin_steps = origin_.steps;
     header.origin_exponent = origin_.exponent;
   }
+  if (is_wide()) {
+    header.features |= static_cast<std::uint64_t>(Feature::origins);
+  }
   if (config_.proxies) {
     header.features |= static_cast<std::uint64_t>(Feature::proxies);
   }
@@ -298,6 +294,7 @@ StoreHeader StoreBuilder::header(const Lattice& lattice) const {
 }
 
 Result<BuildReport> StoreBuilder::finish() {
+  RAYMILL_RETURN_IF_ERROR(place_parts());
   report_.import_seconds = seconds_since(start_);
   const auto partition_start = Clock::now();
   Lattice lattice;

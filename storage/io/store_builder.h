@@ -40,7 +40,14 @@
 
 namespace raymill::storage {
 
-class StoreBuilder final : public TriangleSink, public InstanceSink, public MaskSink, public AttributeSink {
+/// What BuildConfig::origins names.
+enum class OriginsRule : std::uint8_t { automatic, always, never };
+
+class StoreBuilder final : public TriangleSink,
+                           public InstanceSink,
+                           public MaskSink,
+                           public AttributeSink,
+                           public PartSink {
  public:
   /// `config` must outlive the builder; its scenes are not read here. `run_triangles`: smaller only in tests.
   /// Errors: invalid_argument, budget_exceeded, and those of a file that cannot be written.
@@ -50,10 +57,11 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   Ledger& ledger() { return ledger_; }
   /// What the triangles are called; whoever adds them fills it.
   ImportReport& import_report() { return import_report_; }
-  [[nodiscard]] InstanceRule instance_rule() const { return plan_.instances; }
-  /// Where the configuration leaves it open, the first of its scenes that is no volume decides; before anything is
-  /// added. Errors: those of storage::choose_origin().
-  Status choose_origin();
+  /// Where the configuration leaves it open, the first of its scenes that is no volume decides on the origin, and all
+  /// of them on parts with origins of their own; before anything is added. Errors: those of look_at_scene().
+  Status choose_origins();
+  /// How the configuration's scene of that number is to be imported, which comes next.
+  ImportOptions begin_scene(std::size_t number);
   /// What everything that is added is relative to.
   [[nodiscard]] const Origin& origin() const { return origin_; }
   /// For progress: the share of the input that has been added.
@@ -68,8 +76,12 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   Result<std::uint64_t> add_faces(std::span<const FaceMask> faces) override { return masks_.add_faces(faces); }
   Status read_faces(std::uint64_t first, std::span<FaceMask> faces) override { return masks_.read_faces(first, faces); }
   void set_masks(std::uint32_t geometry_id, const GeometryMask& masks) override {
-    masks_.set_masks(object_ ? static_cast<std::uint32_t>(objects_.size()) : MaskSpool::kWorld, geometry_id, masks);
+    masks_.set_masks(object_            ? static_cast<std::uint32_t>(objects_.size())
+                     : part_ != kNoPart ? part_
+                                        : MaskSpool::kWorld,
+                     geometry_id, masks);
   }
+  void enter_part(std::uint32_t part) override { part_ = part; }
   Result<std::uint64_t> add_entries(std::span<const float> entries) override {
     return attributes_.add_entries(entries);
   }
@@ -93,6 +105,7 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
     InstanceRule instances = InstanceRule::automatic;
     std::optional<std::int32_t> volume_step{};
     std::optional<Origin> origin{};
+    OriginsRule origins = OriginsRule::automatic;
     MaskRule masks{};
     AttributeSet attributes = 0;
     unsigned threads = 1;
@@ -115,6 +128,11 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   /// All triangles and instances, cut into runs; objects each for themselves.
   Result<Partition> partition(Lattice& lattice);
   Result<Partition> partition(TriangleBucket all, std::uint64_t run_triangles, Lattice& lattice);
+  Status make_parts(std::vector<ScenePiece> pieces);
+  Status place_parts();
+  [[nodiscard]] bool is_wide() const;
+  [[nodiscard]] Aabb box_of(const Placed& placed) const;
+  Result<float> reach(const Aabb& scene) const;
   void count_dropped(const Partition& parts, std::uint64_t placements);
   Result<TriangleBucket> stand_ins();
   Result<BuildReport> finish_without_triangles(const Lattice& lattice, Clock::time_point build_start);
@@ -147,7 +165,13 @@ class StoreBuilder final : public TriangleSink, public InstanceSink, public Mask
   TriangleSpool spool_;
   BudgetReservation spool_claim_;
   std::optional<BucketWriter> object_;  // that comes in
-  std::vector<Tree> objects_;
+  std::vector<Tree> objects_;           // the parts come first
+  std::vector<ScenePart> parts_;
+  std::vector<std::uint32_t> part_of_scene_;  // [scene]; of those that are not cut
+  std::vector<BucketWriter> part_writers_;
+  BudgetReservation parts_claim_;
+  std::uint32_t part_ = kNoPart;  // that comes in
+  float reach_ = 0;               // of the scene, where there are origins of their own
   InstanceSpool instances_;
   BudgetReservation instances_claim_;
   MaskSpool masks_;

@@ -28,7 +28,7 @@ Result<unsigned> StoreBuilder::object_level(const Partition& scene) const {
 Result<Instance> StoreBuilder::instance(std::uint32_t number) const {
   RAYMILL_ASSIGN_OR_RETURN(const Placed placed, instances_.read(number));
   const Tree& object = objects_[placed.object];
-  const Aabb box = placed_box(placed.world_from_object, object.parts.nodes[0].box);
+  const Aabb box = box_of(placed);
   Instance instance;
   instance.world_from_object = placed.world_from_object;
   instance.lower = box.lower;

@@ -149,6 +149,7 @@ Result<std::vector<FeatureCost>> store_costs(const std::string& path) {
   add(Feature::proxies, {"proxies", 0, {}, sums.proxy_bytes});
   // A point of the header.
   add(Feature::origin, {"origin", 0, {}, 0});
+  add(Feature::origins, {"origins", 0, {}, 0});
   add(Feature::attributes, {"attributes", sums.attribute_pages, sums.attribute_store, sums.attribute_decoded});
   costs.push_back(
       {"file", 0,

@@ -45,6 +45,8 @@ class StoreFile {
     return (header_.features & static_cast<std::uint64_t>(Feature::volumes)) != 0;
   }
   [[nodiscard]] bool has_proxies() const { return has(header_.features, Feature::proxies); }
+  /// Rays of float64 find what is placed with more of org than float32 holds.
+  [[nodiscard]] bool has_origins() const { return has(header_.features, Feature::origins); }
   [[nodiscard]] bool has_masks() const { return (header_.features & static_cast<std::uint64_t>(Feature::masks)) != 0; }
   [[nodiscard]] bool has_attributes() const { return header_.attributes != 0; }
   [[nodiscard]] PositionKind positions() const;

@@ -44,6 +44,7 @@ Status check(const StoreHeader& header) {
       header.lattice_step_exponent > 200 || has(header.features, Feature::attributes) != (header.attributes != 0) ||
       (header.attributes & ~kAllAttributes) != 0 ||
       (has(header.features, Feature::masks) && has(header.features, Feature::proxies)) ||
+      (has(header.features, Feature::origins) && !has(header.features, Feature::instances)) ||
       (has(header.features, Feature::origin) &&
        (header.origin().is_zero() || header.origin_exponent < -Origin::kMostExponent ||
         header.origin_exponent > Origin::kMostExponent))) {

@@ -32,8 +32,9 @@ enum class Feature : std::uint64_t {
   proxies = 128,     ///< pages hold what stands for subtrees that a ray does not enter
   origin = 256,      ///< positions are relative to the header's origin
   attributes = 512,  ///< the footer names pages of attributes of triangles' corners
+  origins = 1024,    ///< instances have room for rays that bring more than float32 of org (widened_for_rays())
 };
-constexpr std::uint64_t kKnownFeatures = 15 | 16 | 32 | 128 | 256 | 512;
+constexpr std::uint64_t kKnownFeatures = 15 | 16 | 32 | 128 | 256 | 512 | 1024;
 constexpr bool has(std::uint64_t features, Feature feature) {
   return (features & static_cast<std::uint64_t>(feature)) != 0;
 }

@@ -1,9 +1,10 @@
 // raymill-extremes: the setups known to break ray tracers, all run, and the page that says what was answered.
 //
 //   raymill-extremes [--row E3]        runs them and prints the page's lines
-//   raymill-extremes --write PAGE.md   writes the page
+//   raymill-extremes --write PAGE.md --openvdb raymill-volume-oracle
+//                                      writes the page
 //   raymill-extremes --check PAGE.md   fails where the page says anything else; Embree's columns are left out, for they
-//                                      depend on the machine
+//                                      depend on the machine, and so OpenVDB need not be asked
 // Exit codes: 0; 1 a promise is broken, bits differ, or the page is out of date; 2 it could not be run.
 #include <algorithm>
 #include <cstdio>
@@ -25,7 +26,10 @@ one page there at a time (1 % of the pages of the larger rows), and suspended at
 as many rays as are soon done; where it is certain, `watertight` and `exact` hit and miss as it does, and t of `exact` is its
 t rounded once.
 
-`raymill-extremes --write tests/extremes/extremes.md` makes the page again; a test compares it.
+In the rows of level sets (E31) OpenVDB stands in Embree's place, with its own ray intersector on the same voxels, and
+float64 is the trilinear field, cut in halves until it changes its sign.
+
+`raymill-extremes --write tests/extremes/extremes.md --openvdb PATH/raymill-volume-oracle` makes the page again; a test compares it.
 
 | | setup | promise | fast | watertight | exact | Embree | Embree robust | float64 |
 |---|---|---|---|---|---|---|---|---|
@@ -34,8 +38,8 @@ t rounded once.
 constexpr const char* kTail = R"(
 Rows of the list that are about configurations rather than setups: E27 (suspended at every node) and E33 (every instruction
 set, several threads, little memory) were run for each row above; E23 without the kernel that has one page there at a time.
-The float64 half of E10 is a page of its own, [offset.md](offset.md). E31 waits for a row of volumes, E32 for curves, E30 for
-motion, and the spheres of E22 for spheres that are no triangles.
+The float64 half of E10 is a page of its own, [offset.md](offset.md). E32 waits for curves, E30 for motion,
+and the spheres of E22 for spheres that are no triangles.
 )";
 
 std::string line_of(const Row& row, const Told& told) {
@@ -51,7 +55,7 @@ std::string line_of(const Row& row, const Told& told) {
 // Numbers of ids compare as numbers.
 std::vector<Row> sorted_rows() {
   std::vector<Row> rows;
-  for (const auto& part : {flat_rows(), mesh_rows(), answer_rows(), placed_rows()}) {
+  for (const auto& part : {flat_rows(), mesh_rows(), answer_rows(), placed_rows(), volume_rows()}) {
     rows.insert(rows.end(), part.begin(), part.end());
   }
   std::stable_sort(rows.begin(), rows.end(),
@@ -93,6 +97,10 @@ bool compare(const std::string& page, const std::string& path) {
 int main(int argc, char** argv) {
   tests::Tool tool("raymill-extremes", "Answers at the extremes, beside Embree and float64.");
   std::string only, write, check;
+  std::string openvdb;
+  tool.option("--openvdb", openvdb,
+              "raymill-volume-oracle, which asks OpenVDB of level sets; left out: it is not asked")
+      .type("PROGRAM");
   const auto row_option = tool.option("--row", only, "This row alone").type("ID");
   tool.option("--write", write, "Write the page").type("PAGE.md").excludes(row_option);
   tool.option("--check", check, "Compare the page, but for Embree's columns").type("PAGE.md").excludes(row_option);
@@ -101,7 +109,7 @@ int main(int argc, char** argv) {
     std::vector<std::string> problems;
     for (const Row& row : sorted_rows()) {
       if (only.empty() || row.id == only) {
-        const Told told = run(row);
+        const Told told = run(row, openvdb);
         problems.insert(problems.end(), told.problems.begin(), told.problems.end());
         page += line_of(row, told);
         std::printf("%s", line_of(row, told).c_str());

@@ -14,6 +14,7 @@
 #include "tests/support/rays.h"
 #include "tests/support/scenes.h"
 #include "tests/support/stores.h"
+#include "tests/support/volumes.h"
 #include "traversal/query.h"
 
 namespace raymill::extremes {
@@ -40,6 +41,8 @@ struct Row {
   Scene scene = {};
   /// In place of `scene`: objects that are placed. Answers have its triangles as they are flattened.
   std::optional<tests::PlacedScene> placed = {};
+  /// A level set; without a voxel it has `scene` beside it. OpenVDB is asked in Embree's place.
+  std::optional<tests::TestVolume> volume = {};
   BuildConfig config = tests::small_pages();
   std::function<std::vector<Ray>(std::span<const Triangle>)> rays = {};
   /// A few words. They depend on the answers' bits alone.
@@ -59,6 +62,11 @@ std::vector<Row> answer_rows();
 /// Objects that are placed by matrices of every kind.
 std::vector<Row> placed_rows();
 
+/// Level sets.
+std::vector<Row> volume_rows();
+
+/// Where the trilinear field first changes its sign, in float64, in a volume of 64 voxels a unit.
+Hit volume_truth(const tests::TestVolume& volume, const Ray& ray);
 /// The nearest hit in long double, the ray taken into each object's space without rounding.
 Hit placed_truth(const tests::PlacedScene& scene, const Ray& ray);
 

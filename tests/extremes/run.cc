@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <limits>
 #include <numeric>
 
 #include "client/cli/bench/embree_scene.h"
 #include "tests/support/brute_force.h"
 #include "tests/support/kernel_harness.h"
+#include "tests/support/mesh_files.h"
 #include "tests/support/stores.h"
 #include "traversal/engine.h"
 
@@ -71,8 +74,17 @@ Hit true_hit(std::span<const Triangle> triangles, const Ray& ray) {
 
 class Run {
  public:
-  explicit Run(const Row& row) : row_(row), config_(row.config) {
+  Run(const Row& row, const std::string& openvdb) : row_(row), config_(row.config) {
     config_.output = folder_ / "row.mill";
+    if (row.volume) {
+      if (build_volume()) {
+        triangles_ = tests::triangles_of(row.scene);
+        rays_ = row.rays(triangles_);
+        ours();
+        ask_openvdb(openvdb);
+      }
+      return;
+    }
     if (row.placed) {
       (void)tests::build_placed(folder_, "row.mill", *row.placed, config_);
       triangles_ = tests::triangles_of(tests::flattened(*row.placed));
@@ -87,6 +99,7 @@ class Run {
       return;
     }
     pages_ = tests::load_pages(config_.output);
+    page_count_ = pages_.images.size();
     triangles_ = decoded_triangles(pages_);
     rays_ = row.rays(triangles_);
     ours();
@@ -95,6 +108,24 @@ class Run {
   [[nodiscard]] Told take() { return std::move(told_); }
 
  private:
+  // Triangles of one space: those that the kernels of tests and the float64 of triangles know.
+  [[nodiscard]] bool is_plain() const { return !row_.placed && !row_.volume; }
+
+  bool build_volume() {
+    config_.scenes = {tests::write_volume_file(folder_, "row.vdb", *row_.volume)};
+    if (!row_.scene.empty()) {
+      tests::write_file(folder_ / "row.obj", tests::obj(row_.scene, false));
+      config_.scenes.insert(config_.scenes.begin(), folder_ / "row.obj");
+    }
+    const auto report = build(config_);
+    if (!report) {
+      problem("is not built: " + report.status().message());
+      return false;
+    }
+    page_count_ = report->pages;
+    return true;
+  }
+
   void problem(const std::string& what) { told_.problems.push_back(row_.id + " " + what); }
 
   [[nodiscard]] std::string tell(std::span<const Hit> hits) const {
@@ -102,10 +133,10 @@ class Run {
   }
 
   void ours() {
-    const std::size_t truths =
-        std::min<std::size_t>(rays_.size(), std::max<std::size_t>(8, kTruthTests / triangles_.size()));
+    const std::size_t truths = std::min<std::size_t>(
+        rays_.size(), row_.volume ? rays_.size() : std::max<std::size_t>(8, kTruthTests / triangles_.size()));
     for (const Ray& ray : std::span(rays_).first(truths)) {
-      truth_.push_back(row_.placed ? placed_truth(*row_.placed, ray) : true_hit(triangles_, ray));
+      truth_.push_back(truth_of(ray));
     }
     told_.truth = tell(truth_);
     tests::TraceSetup least;
@@ -117,11 +148,17 @@ class Run {
       if (!row_.keeps(kModes[i], {triangles_, rays_, hits, truth_})) {
         problem("in mode " + std::string(to_string(kModes[i])) + ": " + told_.modes[i] + "; promised: " + row_.promise);
       }
-      if (kModes[i] != Mode::fast && !row_.placed) {
+      if (kModes[i] != Mode::fast && is_plain()) {
         against_truth(kModes[i], hits);
       }
       paged(kModes[i], hits, least);
     }
+  }
+
+  [[nodiscard]] Hit truth_of(const Ray& ray) const {
+    return row_.volume && row_.scene.empty() ? volume_truth(*row_.volume, ray)
+           : row_.placed                     ? placed_truth(*row_.placed, ray)
+                                             : true_hit(triangles_, ray);
   }
 
   std::vector<Hit> in_core(Mode mode) {
@@ -147,10 +184,10 @@ class Run {
       traced = tests::trace(config_.output, rays_, least);
     }
     same(hits, traced, mode, "the least memory");
-    if (pages_.images.size() >= kManyPages && traced.stats.pages_read <= traced.stats.distinct_pages) {
-      problem("has " + std::to_string(pages_.images.size()) + " pages, and the least memory holds them all");
+    if (page_count_ >= kManyPages && traced.stats.pages_read <= traced.stats.distinct_pages) {
+      problem("has " + std::to_string(page_count_) + " pages, and the least memory holds them all");
     }
-    if (!row_.placed) {
+    if (is_plain()) {
       const tests::KernelRun one_page{.mode = mode, .residency = tests::Residency::one_page, .batch_rays = 256};
       tests::Traced alone;
       alone.hits = tests::run_kernel(pages_, rays_, one_page).hits;
@@ -192,6 +229,32 @@ class Run {
     }
   }
 
+  // By the program beside the tests of volumes, which alone loads it.
+  void ask_openvdb(const std::string& program) {
+    if (program.empty() || !row_.not_for_embree.empty()) {
+      told_.embree.fill(program.empty() ? "not asked" : row_.not_for_embree);
+      return;
+    }
+    const std::string vdb = folder_ / "openvdb.vdb", rays = folder_ / "rays.f32", out = folder_ / "out.f32";
+    std::ofstream(rays, std::ios::binary)
+        .write(reinterpret_cast<const char*>(rays_.data()), static_cast<std::streamsize>(rays_.size() * sizeof(Ray)));
+    const std::string make = "'" + program + "' make ball '" + vdb + "'";
+    const std::string surface = "'" + program + "' surface '" + vdb + "' '" + rays + "' '" + out + "'";
+    std::vector<std::array<float, 4>> answers(rays_.size());
+    const bool ran = std::system(make.c_str()) == 0 && std::system(surface.c_str()) == 0;
+    std::ifstream file(out, std::ios::binary);
+    file.read(reinterpret_cast<char*>(answers.data()), static_cast<std::streamsize>(rays_.size() * 16));
+    if (!ran || !file) {
+      problem("in OpenVDB: " + program + " failed");
+      return;
+    }
+    std::vector<Hit> hits;
+    for (const auto& answer : answers) {
+      hits.push_back({.t = answer[0]});
+    }
+    told_.embree = {"has no volumes", "OpenVDB: " + tell(hits)};
+  }
+
   Result<client::EmbreeScene> embree_scene(bool is_robust) {
     if (!row_.placed) {
       return client::EmbreeScene::create({.robust = is_robust},
@@ -229,6 +292,7 @@ class Run {
   const tests::TempFolder folder_;
   BuildConfig config_;
   tests::LoadedPages pages_;
+  std::uint64_t page_count_ = 0;
   std::vector<Triangle> triangles_;
   std::vector<Ray> rays_;
   std::vector<Hit> truth_;
@@ -237,6 +301,6 @@ class Run {
 
 }  // namespace
 
-Told run(const Row& row) { return Run(row).take(); }
+Told run(const Row& row, const std::string& openvdb) { return Run(row, openvdb).take(); }
 
 }  // namespace raymill::extremes

@@ -19,7 +19,7 @@ struct Told {
 
 /// The row's store in core on every ISA of this machine, with two threads and the least memory, with one page there at
 /// a time, and suspended at every node; then Embree on the same triangles, and float64 for as many rays as are soon
-/// done.
-Told run(const Row& row);
+/// done. `openvdb`: the program that asks OpenVDB (raymill-volume-oracle); empty: it is not asked.
+Told run(const Row& row, const std::string& openvdb);
 
 }  // namespace raymill::extremes

@@ -9,8 +9,13 @@
 
 namespace raymill::fuzz {
 
-class ImportChecker final : public storage::TriangleSink {
+class ImportChecker final : public storage::TriangleSink, public storage::PartSink {
  public:
+  void enter_part(std::uint32_t part) override {
+    if (part != storage::kNoPart && part > 0) {
+      std::abort();  // there is one
+    }
+  }
   Status add(std::span<const storage::Triangle> triangles) override {
     for (const storage::Triangle& triangle : triangles) {
       if (triangle.v[0] == triangle.v[1] || triangle.v[1] == triangle.v[2] || triangle.v[2] == triangle.v[0]) {
@@ -58,6 +63,11 @@ inline void check_import_about(const std::array<double, 3>& origin, const std::u
   options.origin = origin;
   storage::Ledger ledger(mebibytes(64));
   ImportChecker checker;
+  // A part far out: by what accessors say of their least and most, nodes' meshes are in it or not.
+  const std::array<storage::ScenePart, 1> parts{
+      {{{{1e6, -1e9, -1e9}, {1e9, 1e9, 1e9}}, storage::origin_near({4e6, 0, 0}, 0)}}};
+  options.parts = parts;
+  options.part_sink = &checker;
   storage::ImportReport report;
   const auto bytes = std::as_bytes(std::span(data, size));
   const Status status = storage::import_scene_memory(bytes, name, options, ledger, checker, report);

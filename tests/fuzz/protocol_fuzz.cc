@@ -31,6 +31,7 @@ void fuzz_client_message(std::span<const std::byte> bytes, std::optional<std::si
   }
   if (message.has_start_job()) {
     const TraceConfig config = to_trace_config(message.start_job());
+    require(ray_bytes(config) >= sizeof(Ray) && ray_bytes(config) <= sizeof(Ray64) + kMostExtraBytes);
     require(frame_bytes.value_or(0) == message.start_job().geometry_masks() * sizeof(std::uint32_t));
     require(HitLayout(config.fields).row_bytes() > 0 && HitLayout(config.fields).row_bytes() <= kMostRowBytes);
     const auto name = canonical_store_name(message.start_job().store());
@@ -39,7 +40,7 @@ void fuzz_client_message(std::span<const std::byte> bytes, std::optional<std::si
   if (message.has_chunk()) {
     const std::uint64_t rays = message.chunk().rays();
     require(frame_bytes && rays > 0 && *frame_bytes % rays == 0);
-    require(*frame_bytes / rays >= sizeof(Ray) && *frame_bytes / rays <= sizeof(Ray) + kMostExtraBytes);
+    require(*frame_bytes / rays >= sizeof(Ray) && *frame_bytes / rays <= sizeof(Ray64) + kMostExtraBytes);
   }
 }
 

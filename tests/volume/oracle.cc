@@ -1,7 +1,7 @@
 // raymill-volume-oracle: what OpenVDB and plain float64 sums say of a .vdb, to hold Raymill's answers against; and the
 // files that the trial needs.
 //
-//   make KIND OUT.vdb [SIZE]               fog, sphere, torus (level sets), empty, one-voxel, int, mixed
+//   make KIND OUT.vdb [SIZE]               fog, sphere, torus, ball (level sets), empty, one-voxel, int, mixed
 //   surface FILE.vdb RAYS.f32 OUT.f32      (t, normal) of LevelSetRayIntersector; t = inf: no hit
 //   depth FILE.vdb RAYS.f32 OUT.f64 STEP   sum of trilinear samples in the middle of steps of at most STEP voxels
 //   above FILE.vdb RAYS.f32 OUT.f64 STEP THRESHOLD   of such samples: (t in which they are above it, changes, step in
@@ -113,12 +113,39 @@ FloatGrid::Ptr make_torus(int size) {
   return grid;
 }
 
+// The level set of tests/extremes/volume_rows.cc, voxel by voxel.
+FloatGrid::Ptr make_ball(int size) {
+  const double voxel = 1.0 / size, band = 3 * voxel;
+  const FloatGrid::Ptr grid = FloatGrid::create(static_cast<float>(band));
+  grid->setName("ball");
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(voxel));
+  FloatGrid::Accessor values = grid->getAccessor();
+  for (int x = 0; x <= size; ++x) {
+    for (int y = 0; y <= size; ++y) {
+      for (int z = 0; z <= size; ++z) {
+        const double distance = std::sqrt(std::pow(x * voxel - 0.501, 2) + std::pow(y * voxel - 0.4993, 2) +
+                                          std::pow(z * voxel - 0.5007, 2)) -
+                                0.3;
+        if (std::fabs(distance) < band) {
+          values.setValue(Coord(x, y, z), static_cast<float>(distance));
+        } else if (distance < 0) {
+          values.setValueOff(Coord(x, y, z), static_cast<float>(-band));
+        }
+      }
+    }
+  }
+  return grid;
+}
+
 void make(const std::string& kind, const std::string& path, int size) {
   openvdb::GridPtrVec grids;
   if (kind == "fog") {
     grids.push_back(make_fog(size));
   } else if (kind == "torus") {
     grids.push_back(make_torus(size));
+  } else if (kind == "ball") {
+    grids.push_back(make_ball(size));
   } else if (kind == "sphere") {
     grids.push_back(openvdb::tools::createLevelSetSphere<FloatGrid>(1, openvdb::Vec3f(0.1F, 0.2F, -0.3F), 2.0F / size));
     grids.back()->setName("sphere");

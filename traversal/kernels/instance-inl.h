@@ -1,6 +1,7 @@
 // Rays in the space of a placed object, compiled once per ISA.
 //
-// The ray is taken into the object's space in float64 and rounded to float32 once; dir keeps its length under the
+// The ray is taken into the object's space in float64, with what float32 leaves of its org where it brings that, and
+// rounded to float32 once; dir keeps its length under the
 // inverse, so t counts alike in both spaces. Where it waits inside an object its record holds both rays: the object's,
 // so that going on needs no page but the object's, and the world's for the way back. So suspending changes no bit.
 //
@@ -54,7 +55,7 @@ inline bool to_object(const storage::Placement& m, RayState& ray) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     double o = 0, d = 0;
     for (std::size_t k = 0; k < 3; ++k) {
-      o += rows[axis][k] * (double(ray.org[k]) - m[9 + k]);
+      o += rows[axis][k] * (double(ray.org[k]) + double(ray.org_rest[k]) - m[9 + k]);
       d += rows[axis][k] * double(ray.dir[k]);
     }
     org[axis] = static_cast<float>(o / det);

@@ -104,5 +104,23 @@ TEST(RayRounding, MovingLeavesAllButTheOriginOfARay) {
   EXPECT_TRUE(std::isinf(still.org[0]) && std::isinf(still.org[1]) && std::isnan(still.org[2]));
 }
 
+// Both float32 together are the difference but for 2^-48 of it, and 0 where that is no number.
+TEST(RayRounding, WhatFloat32LeavesOfOrgIsTheRest) {
+  std::mt19937_64 random(9);
+  std::uniform_real_distribution<double> place(-1e7, 1e7), exponent(-20, 24);
+  for (int i = 0; i < 100000; ++i) {
+    const double org = place(random),
+                 origin = i % 3 == 0 ? 0 : std::copysign(std::exp2(exponent(random)), place(random));
+    const Ray near = round_ray({.org = {org, 0, 0}, .dir = {0, 0, 1}}, {origin, 0, 0});
+    const auto rest = rest_of_org({org, 0, 0}, {origin, 0, 0});
+    const long double exact = static_cast<long double>(org) - static_cast<long double>(origin);
+    const long double both = static_cast<long double>(near.org[0]) + static_cast<long double>(rest[0]);
+    ASSERT_LE(std::fabs(static_cast<double>(both - exact)), std::fabs(static_cast<double>(exact)) * 0x1p-47) << org;
+    ASSERT_EQ(near.org[0] + rest[0], near.org[0]) << "half a step at most";
+  }
+  EXPECT_EQ(rest_of_org({1e39, kWideNan, kWideInfinity}, {}), (std::array<float, 3>{}));
+  EXPECT_EQ(rest_of_org({1, -0.0, 0x1p-149}, {}), (std::array<float, 3>{}));
+}
+
 }  // namespace
 }  // namespace raymill::traversal

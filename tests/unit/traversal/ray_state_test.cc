@@ -78,7 +78,7 @@ TEST(RecordLayout, CornersOfTheHitComeBackWhereTheyAreKept) {
   }
 }
 
-TEST(RecordLayout, CountSkippedPrimitiveAndMaskComeBackWhereTheyAreKept) {
+TEST(RecordLayout, CountSkippedPrimitiveMaskAndRestOfOrgComeBackWhereTheyAreKept) {
   tests::Random random(6);
   RayState ray = ray_at(8, 16, random), back;
   ray.tnear = 0.5F;
@@ -86,7 +86,12 @@ TEST(RecordLayout, CountSkippedPrimitiveAndMaskComeBackWhereTheyAreKept) {
   ray.hit.count = 0x01020304;
   ray.skipped = {7, 8};
   ray.mask = 0x50;
-  for (const KeptExtras kept : {KeptExtras{}, {true, false}, {false, true}, {true, true}}) {
+  ray.org_rest = {0.25F, -1, 3};
+  for (const KeptExtras kept : {KeptExtras{},
+                                {.skipped = true},
+                                {.mask = true},
+                                {.skipped = true, .mask = true},
+                                {.skipped = true, .mask = true, .org_rest = true}}) {
     const RecordLayout layout(Field::count, KeptCorners::none, kept);
     std::vector<std::byte> record(layout.most_bytes());
     const std::size_t bytes = layout.pack(ray, record.data());
@@ -95,6 +100,7 @@ TEST(RecordLayout, CountSkippedPrimitiveAndMaskComeBackWhereTheyAreKept) {
     EXPECT_EQ(back.hit.count, ray.hit.count);
     EXPECT_EQ(back.skipped, kept.skipped ? ray.skipped : PrimitiveIds());
     EXPECT_EQ(back.mask, kept.mask ? ray.mask : kAllMask);
+    EXPECT_EQ(back.org_rest, kept.org_rest ? ray.org_rest : (std::array<float, 3>{}));
     EXPECT_EQ(back.tnear, ray.tnear);
     EXPECT_EQ(back.stack.words, ray.stack.words);
   }
@@ -117,6 +123,7 @@ TEST(RecordLayout, WhatARayDoesNotNeedTakesNoByte) {
   EXPECT_EQ(RecordLayout(Field::count).bytes(ray), 42u) << "nothing is counted yet";
   EXPECT_EQ(RecordLayout(Field::none, KeptCorners::none, {.skipped = true}).bytes(ray), 50u);
   EXPECT_EQ(RecordLayout(Field::none, KeptCorners::none, {.mask = true}).bytes(ray), 46u);
+  EXPECT_EQ(RecordLayout(Field::none, KeptCorners::none, {.org_rest = true}).bytes(ray), 54u);
   ray.has_hit = true;
   EXPECT_EQ(RecordLayout(Field::count).bytes(ray), 46u);
 }

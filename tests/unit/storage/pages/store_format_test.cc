@@ -70,6 +70,9 @@ TEST(StoreFormat, EachKindOfBadHeaderHasItsCode) {
   for (const std::int32_t exponent : {201, -201, std::numeric_limits<std::int32_t>::min()}) {
     EXPECT_EQ(header_with([&](StoreHeader& h) { h.lattice_step_exponent = exponent; }), ErrorCode::corrupt);
   }
+  EXPECT_EQ(header_with([](StoreHeader& h) { h.features |= static_cast<std::uint64_t>(Feature::origins); }),
+            ErrorCode::corrupt)
+      << "of what, where nothing is placed";
   constexpr auto kOrigin = static_cast<std::uint64_t>(Feature::origin);
   EXPECT_EQ(header_with([](StoreHeader& h) { h.features |= kOrigin; }), ErrorCode::corrupt) << "of zero";
   for (const std::int32_t exponent : {101, -101, std::numeric_limits<std::int32_t>::min()}) {
