@@ -12,9 +12,9 @@ For each scene, by default teapots_galore and torque_forest of the collection an
    once more with --adversarial, which evicts whatever the store's size.
 3. Against the flattened store (both without masks, where the scene has them): rays where one hits and the other does
    not, or another triangle is hit; among the others the largest distance between the two planes along their normal,
-   |t - t'| |d . n|, in units of 2^-24 (largest coordinate of the bounds + |org| + |t d|): the flattened corners were rounded to float32 in the world,
-   the ray in the object's space. More than --most-units of them is a failure, and so is another answer for more than one
-   ray of ten thousand.
+   |t - t'| |d . n|, in units of 2^-24 (largest coordinate of the bounds + |org| + |t d|): the flattened corners were
+   rounded to float32 in the world, the ray in the object's space. More than --most-units of them is a failure, and so
+   is another answer for more than one ray of ten thousand.
 4. Bytes for each ray in flight (raymill-in-flight, --in-flight-rays of them), and `raymill bench --embree`: Embree's own
    instances on the same rays, one thread.
 
