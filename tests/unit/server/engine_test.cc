@@ -197,6 +197,13 @@ TEST(ServerEngine, GivesTheBytesOfTheEmbeddedEngine) {
     EXPECT_GT(embedded.bytes(), 0u);
     EXPECT_TRUE(embedded == remote);
   }
+  {
+    const auto wide = (*client)->open("wide");
+    ASSERT_TRUE(wide.ok());
+    const auto keeps = (*wide)->keeps_float64();
+    ASSERT_TRUE(keeps.ok()) << keeps.status().message();
+    EXPECT_TRUE(*keeps);
+  }
   const auto store = (*client)->open("grid");
   ASSERT_TRUE(store.ok());
   const TraceConfig too_many{.geometry_masks =
@@ -216,8 +223,9 @@ TEST(ServerEngine, GivesTheBytesOfTheEmbeddedEngine) {
   EXPECT_EQ((*job)->push_with({&ray, 1}, {.skipped = {&nothing, 1}}).code(), ErrorCode::invalid_argument);
   const Ray64 wide_ray;
   EXPECT_EQ((*job)->push64({&wide_ray, 1}).code(), ErrorCode::invalid_argument) << "it was not asked for them";
-  EXPECT_FALSE(*(*store)->keeps_float64());
-  EXPECT_TRUE(*(*(*client)->open("wide"))->keeps_float64());
+  const auto keeps = (*store)->keeps_float64();
+  ASSERT_TRUE(keeps.ok()) << keeps.status().message();
+  EXPECT_FALSE(*keeps);
   const auto info = (*store)->info();
   ASSERT_TRUE(info.ok()) << info.status().message();
   EXPECT_EQ(info->triangles, report->triangles);
