@@ -1,9 +1,5 @@
 #include "storage/pages/attribute_page.h"
 
-#include <lz4.h>
-#include <lz4hc.h>
-#include <zstd.h>
-
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -16,7 +12,6 @@
 namespace raymill::storage {
 namespace {
 
-constexpr int kItemsZstdLevel = 5;
 // 2^16 to a page, of 2^32 pages.
 constexpr std::uint64_t kMostEntries = std::uint64_t{1} << 48;
 
@@ -43,20 +38,6 @@ std::uint32_t words_per_item(AttributePageKind kind, AttributeSet set) {
 std::uint64_t streams_bytes(AttributePageKind kind, AttributeSet set, std::uint64_t count, std::uint64_t distinct) {
   const std::uint64_t corners = kind == AttributePageKind::entries ? 3 * count : 0;
   return sizeof(std::uint32_t) * (corners + distinct * words_per_item(kind, set));
-}
-
-std::vector<std::byte> compress_items(std::span<const std::byte> in, Codec codec) {
-  std::vector<std::byte> out;
-  if (codec == Codec::lz4) {
-    out.resize(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(in.size()))));
-    out.resize(static_cast<std::size_t>(
-        LZ4_compress_HC(reinterpret_cast<const char*>(in.data()), reinterpret_cast<char*>(out.data()),
-                        static_cast<int>(in.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT)));
-  } else {
-    out.resize(ZSTD_compressBound(in.size()));
-    out.resize(ZSTD_compress(out.data(), out.size(), in.data(), in.size(), kItemsZstdLevel));
-  }
-  return out;
 }
 
 // The corners of entries that differ, in the order of first use, and for each corner how long ago its like was new.
@@ -215,7 +196,7 @@ std::vector<std::byte> encode_attribute_page(std::span<const std::byte> image, C
     write_item_words(items.data(), which, words, out);
     encoded.distinct = static_cast<std::uint32_t>(which.size());
     encoded.streams_bytes = static_cast<std::uint32_t>(streams.size());
-    payload = compress_items(streams, static_cast<Codec>(encoded.codec));
+    payload = compress(streams, static_cast<Codec>(encoded.codec));
   }
   encoded.payload_bytes = static_cast<std::uint32_t>(payload.size());
   std::vector<std::byte> bytes(sizeof encoded + payload.size());

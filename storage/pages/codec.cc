@@ -1,6 +1,7 @@
 #include "storage/pages/codec.h"
 
 #include <lz4.h>
+#include <lz4hc.h>
 #include <zstd.h>
 
 #include <algorithm>
@@ -92,6 +93,20 @@ std::optional<Codec> parse_codec(std::string_view text) {
     }
   }
   return std::nullopt;
+}
+
+std::vector<std::byte> compress(std::span<const std::byte> streams, Codec codec) {
+  std::vector<std::byte> out;
+  if (codec == Codec::lz4) {
+    out.resize(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(streams.size()))));
+    out.resize(static_cast<std::size_t>(
+        LZ4_compress_HC(reinterpret_cast<const char*>(streams.data()), reinterpret_cast<char*>(out.data()),
+                        static_cast<int>(streams.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT)));
+  } else {
+    out.resize(ZSTD_compressBound(streams.size()));
+    out.resize(ZSTD_compress(out.data(), out.size(), streams.data(), streams.size(), kPageZstdLevel));
+  }
+  return out;
 }
 
 struct PageDecoder::Scratch {

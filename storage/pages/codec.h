@@ -54,6 +54,11 @@ struct EncodedHeader {
 };
 static_assert(sizeof(EncodedHeader) == 36 && std::is_trivially_copyable_v<EncodedHeader>);
 
+constexpr int kPageZstdLevel = 5;
+/// Streams of a page as one LZ4 block or zstd frame. For kinds of pages that are few: PageEncoder keeps its memory from
+/// page to page. Thread-safe.
+std::vector<std::byte> compress(std::span<const std::byte> streams, Codec codec);
+
 /// Decoder with its scratch memory. Thread-confined.
 class PageDecoder {
  public:

@@ -1,9 +1,5 @@
 #include "storage/pages/mask_page.h"
 
-#include <lz4.h>
-#include <lz4hc.h>
-#include <zstd.h>
-
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -12,8 +8,6 @@
 
 namespace raymill::storage {
 namespace {
-
-constexpr int kTilesZstdLevel = 5;
 
 struct EncodedMaskHeader {
   std::uint16_t page_type = kPageTypeMask;
@@ -28,22 +22,6 @@ struct EncodedMaskHeader {
 static_assert(sizeof(EncodedMaskHeader) == sizeof(EncodedHeader));
 
 Status bad_mask_page(const char* what) { return {ErrorCode::corrupt, std::string("page of masks ") + what}; }
-
-std::vector<std::byte> compress_tiles(std::span<const std::byte> in, Codec codec) {
-  std::vector<std::byte> out;
-  if (codec == Codec::raw) {
-    out.assign(in.begin(), in.end());
-  } else if (codec == Codec::lz4) {
-    out.resize(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(in.size()))));
-    out.resize(static_cast<std::size_t>(
-        LZ4_compress_HC(reinterpret_cast<const char*>(in.data()), reinterpret_cast<char*>(out.data()),
-                        static_cast<int>(in.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT)));
-  } else {
-    out.resize(ZSTD_compressBound(in.size()));
-    out.resize(ZSTD_compress(out.data(), out.size(), in.data(), in.size(), kTilesZstdLevel));
-  }
-  return out;
-}
 
 }  // namespace
 
@@ -62,7 +40,8 @@ std::vector<std::byte> encode_mask_page(std::span<const std::byte> image, Codec 
   const MaskPageHeader& header = MaskPageView(image.data()).header();
   const Codec used = codec == Codec::draco ? Codec::zstd : codec;
   const auto tiles = image.subspan(sizeof header);
-  const std::vector<std::byte> payload = compress_tiles(tiles, used);
+  const std::vector<std::byte> payload =
+      used == Codec::raw ? std::vector<std::byte>(tiles.begin(), tiles.end()) : compress(tiles, used);
   EncodedMaskHeader encoded;
   encoded.codec = static_cast<std::uint8_t>(used);
   encoded.bits = header.bits;

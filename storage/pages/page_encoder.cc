@@ -13,8 +13,6 @@
 namespace raymill::storage {
 namespace {
 
-constexpr int kZstdLevel = 5;
-
 EncodedHeader encoded_header(const PageHeader& header, Codec codec) {
   EncodedHeader encoded;
   encoded.page_type = header.page_type;
@@ -76,7 +74,7 @@ std::span<const std::byte> PageEncoder::compress(Codec codec) {
   }
   reserve(out, ZSTD_compressBound(in.size()));
   return std::span(out).first(
-      ZSTD_compressCCtx(scratch_->zstd.get(), out.data(), out.size(), in.data(), in.size(), kZstdLevel));
+      ZSTD_compressCCtx(scratch_->zstd.get(), out.data(), out.size(), in.data(), in.size(), kPageZstdLevel));
 }
 
 std::vector<std::byte> PageEncoder::encode(std::span<const std::byte> image) {

@@ -1,9 +1,5 @@
 #include "storage/pages/volume_codec.h"
 
-#include <lz4.h>
-#include <lz4hc.h>
-#include <zstd.h>
-
 #include <algorithm>
 #include <cstring>
 #include <type_traits>
@@ -12,8 +8,6 @@
 
 namespace raymill::storage {
 namespace {
-
-constexpr int kZstdLevel = 5;
 
 Status corrupt(const char* what) { return {ErrorCode::corrupt, std::string("volume page ") + what}; }
 
@@ -96,21 +90,6 @@ std::vector<std::byte> streams_of(std::span<const std::byte> image, const Volume
     put_deltas<decltype(type)>(out, image.subspan(header.values_offset, header.values_bytes));
   });
   return streams;
-}
-
-std::vector<std::byte> compress(std::span<const std::byte> streams, Codec codec) {
-  std::vector<std::byte> out;
-  if (codec == Codec::lz4) {
-    out.resize(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(streams.size()))));
-    const int size =
-        LZ4_compress_HC(reinterpret_cast<const char*>(streams.data()), reinterpret_cast<char*>(out.data()),
-                        static_cast<int>(streams.size()), static_cast<int>(out.size()), LZ4HC_CLEVEL_DEFAULT);
-    out.resize(static_cast<std::size_t>(size));
-  } else {
-    out.resize(ZSTD_compressBound(streams.size()));
-    out.resize(ZSTD_compress(out.data(), out.size(), streams.data(), streams.size(), kZstdLevel));
-  }
-  return out;
 }
 
 }  // namespace
