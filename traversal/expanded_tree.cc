@@ -135,6 +135,7 @@ Status TreeExpander::add_nodes(storage::PageId page, PageView view) {
         write_block(view, node.child[slot], node.count[slot], blocks() + word);
         to.child[slot] = static_cast<std::uint32_t>(word);
         to.count[slot] = node.count[slot];
+        to.leaves = static_cast<std::uint8_t>(to.leaves | 1U << slot);
         word += std::uint64_t(node.count[slot]) * kBlockWords;
       } else {
         to.child[slot] = static_cast<std::uint32_t>(first) + node.child[slot];

@@ -33,6 +33,7 @@ struct alignas(64) ExpandedNode {
   std::array<std::uint32_t, N> child;  ///< a node's index; a leaf's: the first word of its block
   std::array<std::uint8_t, N> count;   ///< triangles of a leaf; 0: a node
   std::uint8_t valid;
+  std::uint8_t leaves;  ///< of the valid ones
   std::uint8_t order;
   std::uint8_t level;
 };

@@ -2,31 +2,44 @@
 // RAYMILL_ISA and includes its simd header first.
 //
 // The same traversal as kernel-inl.h's, without pages: a ray starts at the root and runs until it is done. Rays that
-// have a line in common go as a packet (packet-inl.h), the others take turns, as there, in rounds of fewer steps.
+// have a line in common go as a packet (packet-inl.h), the others take turns. In a round each of them visits a node,
+// then meets all leaves there whose boxes it meets, and then chooses the next node; between these steps the others' are
+// made, so that what was prefetched has arrived.
 //
-//      visit: boxes ---> advance: next child ---> a node: visit, in the next round
-//                          ^                      a leaf: filter, in the next round
-//                          |                      none: report -> next ray
-//      filter ---> decide -+
+//      visit: boxes ---> filter ---> decide ---> advance: next node ---> visit, in the next round
+//                                                         none: report -> next ray
 #pragma once
 
 #include <algorithm>
 
 #include "traversal/kernels/expanded_ray-inl.h"
 #include "traversal/kernels/packet-inl.h"
-#include "traversal/kernels/step_lists-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
+
+// offset[count]: bytes of a block whose lines hold its corners; the last ones twice where it has fewer.
+struct CornerLinesTable {
+  static constexpr unsigned kLines = 5;
+  std::uint16_t offset[9][kLines] = {};
+  constexpr CornerLinesTable() {
+    for (unsigned count = 1; count <= 8; ++count) {
+      for (unsigned line = 0; line < kLines; ++line) {
+        const unsigned last = kCornerRows * sizeof(float) * count - 1;
+        offset[count][line] = static_cast<std::uint16_t>(line + 1 < kLines ? std::min(line * 64, last) : last);
+      }
+    }
+  }
+};
+inline constexpr CornerLinesTable kCornerLines;
 
 template <int N, Query kQuery, Mode kMode>
 struct alignas(64) ExpandedLane : ExpandedRay<kQuery, kMode> {
   static constexpr unsigned kLevels = storage::kBitstackBits / N;
 
-  unsigned level;        // of the node that is visited next
-  std::uint32_t levels;  // bit for each level with a mask left
-  std::array<std::uint8_t, kLevels> masks;
-  // One past the deepest, for it is written before it is known whether the child is a node.
-  std::array<const ExpandedNode<N>*, kLevels + 1> nodes;
+  unsigned level;                           // of the node that is visited next
+  std::uint32_t levels;                     // bit for each level with a mask left
+  std::array<std::uint8_t, kLevels> masks;  // children that are nodes and still to be visited
+  std::array<const ExpandedNode<N>*, kLevels> nodes;
   std::array<std::array<float, N>, kLevels> entries;
 };
 
@@ -41,31 +54,41 @@ class ExpandedBatch {
         hits_(hits) {}
 
   void run() {
-    for (RayLane& lane : lanes_) {
-      take_ray(&lane);
+    for (unsigned i = 0; i < kGroups * kGroupLanes; ++i) {
+      take_ray(&lanes_[i], groups_[i % kGroups]);
     }
-    for (unsigned round = 0; !lists_[round & 1].empty(); ++round) {
-      Lists& now = lists_[round & 1];
-      now_ = &now;
-      next_ = &lists_[(round + 1) & 1];
-      nodes_visited_ += now.count[kVisitNode];
-      now.each(kVisitNode, [this](RayLane* lane) { visit(lane); });
-      now.each(kFilterLeaf, [this](RayLane* lane) { filter_leaf(lane); });
-      now.each(kDecideLeaf, [this](RayLane* lane) { decide_leaf(lane); });
-      now.each(kAdvanceRay, [this](RayLane* lane) { advance(lane); });
-      now.each(kReportRay, [this](RayLane* lane) { report(lane); });
+    for (unsigned turn = 0; active_ != 0; ++turn) {
+      visit(groups_[turn % kGroups]);
+      if (turn != 0) {
+        meet_leaves(groups_[(turn + kGroups - 1) % kGroups]);
+      }
     }
     context_.counters.nodes_visited += nodes_visited_;
     context_.counters.triangles_tested += triangles_tested_;
   }
 
  private:
-  static constexpr unsigned kLanes = 24;
-  enum Step : unsigned { kVisitNode, kFilterLeaf, kReportRay, kDecideLeaf, kAdvanceRay, kSteps };
+  static constexpr unsigned kGroups = 3, kGroupLanes = 16;
   using RayLane = ExpandedLane<N, kQuery, kMode>;
-  using Lists = StepLists<RayLane, kLanes, kSteps>;
+  struct LeafTest {
+    RayLane* lane;
+    LeafRows leaf;
+  };
+  struct Decision {
+    RayLane* lane;
+    LeafRows leaf;
+    unsigned candidates;
+    Quotients quotients;
+  };
+  // Rays that make a step one after the other.
+  struct Group {
+    unsigned visit_count = 0, leaf_count = 0, report_count = 0;
+    std::array<RayLane*, kGroupLanes> visits, reports;
+    std::array<std::uint8_t, kGroupLanes> leaves;
+    std::array<LeafTest, kGroupLanes * N + 2> leaf_tests;
+  };
 
-  void take_ray(RayLane* lane) {
+  void take_ray(RayLane* lane, Group& group) {
     // A packet that gave up leaves rays that have the hit they want.
     while (kQuery == Query::any && taken_ < rays_.size() && is_hit(hits_[taken_])) {
       ++taken_;
@@ -75,23 +98,83 @@ class ExpandedBatch {
     }
     lane->begin(rays_[taken_], hits_[taken_]);
     ++taken_;
+    ++active_;
     lane->level = 0;
     lane->levels = 0;
     lane->nodes[0] = nodes_ + context_.tree.root;
-    next_->add(kVisitNode, lane);
+    group.visits[group.visit_count++] = lane;
   }
 
-  [[gnu::always_inline]] void visit(RayLane* lane) {
-    const unsigned level = lane->level;
-    const unsigned mask =
-        test_planes<N, kMode>(*lane->nodes[level], lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
-    lane->masks[level] = static_cast<std::uint8_t>(mask);
-    lane->levels |= static_cast<std::uint32_t>(mask != 0) << level;
-    now_->add(kAdvanceRay, lane);
+  void visit(Group& group) {
+    report_rays(group);
+    nodes_visited_ += group.visit_count;
+    // No branch depends on what a node holds: those of other rays are on their way meanwhile.
+    for (unsigned i = 0; i < group.visit_count; ++i) {
+      RayLane* lane = group.visits[i];
+      const unsigned level = lane->level;
+      const ExpandedNode<N>& node = *lane->nodes[level];
+      const unsigned mask = test_planes<N, kMode>(node, lane->frame, lane->tnear, lane->tfar, lane->entries[level]);
+      const unsigned inner = mask & ~node.leaves;
+      lane->masks[level] = static_cast<std::uint8_t>(inner);
+      lane->levels |= static_cast<std::uint32_t>(inner != 0) << level;
+      group.leaves[i] = static_cast<std::uint8_t>(mask & node.leaves);
+    }
+    list_leaves(group);
   }
 
-  // Chooses the next pending child and asks for its memory. No branch on what the child is: it could not be foretold.
-  [[gnu::always_inline]] void advance(RayLane* lane) {
+  void list_leaves(Group& group) {
+    LeafTest* next = group.leaf_tests.data();
+    for (unsigned i = 0; i < group.visit_count; ++i) {
+      RayLane* lane = group.visits[i];
+      const ExpandedNode<N>& node = *lane->nodes[lane->level];
+      for (unsigned leaves = group.leaves[i]; leaves != 0;) {
+        const unsigned slot = first_slot<N>(node, lane->frame.octant, leaves);
+        leaves &= ~(1U << slot);
+        *next = {lane, {blocks_ + node.child[slot], node.count[slot]}};
+        const auto* first = reinterpret_cast<const std::byte*>(next->leaf.rows);
+        for (const std::uint16_t offset : kCornerLines.offset[next->leaf.count]) {
+          __builtin_prefetch(first + offset);
+        }
+        ++next;
+      }
+    }
+    group.leaf_count = static_cast<unsigned>(next - group.leaf_tests.data());
+  }
+
+  void meet_leaves(Group& group) {
+    Decision* next = decisions_.data();
+    for (unsigned i = 0; i < group.leaf_count; ++i) {
+      const LeafTest& test = group.leaf_tests[i];
+      triangles_tested_ += test.leaf.count;
+      next->candidates = test.lane->filter_leaf(test.leaf, next->quotients);
+      next->lane = test.lane;
+      next->leaf = test.leaf;
+      next += static_cast<unsigned>(next->candidates != 0);
+    }
+    for (const Decision* decision = decisions_.data(); decision != next; ++decision) {
+      if (decision->lane->decide_leaf(context_, decision->leaf, decision->candidates, decision->quotients)) {
+        decision->lane->levels = 0;
+      }
+    }
+    advance_rays(group);
+  }
+
+  // Chooses each ray's next pending child and asks for its memory.
+  void advance_rays(Group& group) {
+    const unsigned count = group.visit_count;
+    group.visit_count = 0;
+    group.leaf_count = 0;
+    for (unsigned i = 0; i < count; ++i) {
+      RayLane* lane = group.visits[i];
+      if (advance(lane)) {
+        group.visits[group.visit_count++] = lane;
+      } else {
+        finish(lane, group);
+      }
+    }
+  }
+
+  [[gnu::always_inline]] bool advance(RayLane* lane) {
     while (lane->levels != 0) {
       const auto level = static_cast<unsigned>(std::bit_width(lane->levels)) - 1;
       const ExpandedNode<N>& node = *lane->nodes[level];
@@ -103,50 +186,33 @@ class ExpandedBatch {
       if (kQuery == Query::closest && !(lane->entries[level][slot] <= end_of<kMode>(lane->tfar))) {
         continue;
       }
-      const std::uint32_t child = node.child[slot], count = node.count[slot];
-      const unsigned is_leaf = count != 0;
-      lane->nodes[level + 1] = nodes_ + child;
-      lane->leaf = {blocks_ + child, count};
+      const ExpandedNode<N>* child = nodes_ + node.child[slot];
+      lane->nodes[level + 1] = child;
       lane->level = level + 1;
-      const auto* wanted = is_leaf != 0 ? reinterpret_cast<const std::byte*>(blocks_ + child)
-                                        : reinterpret_cast<const std::byte*>(nodes_ + child);
-      const std::size_t last = is_leaf != 0 ? kCornerRows * sizeof(float) * count - 1 : sizeof(node) - 1;
+      const auto* wanted = reinterpret_cast<const std::byte*>(child);
       __builtin_prefetch(wanted);
-      __builtin_prefetch(wanted + std::min<std::size_t>(last, 64));
-      __builtin_prefetch(wanted + std::min<std::size_t>(last, 128));
-      __builtin_prefetch(wanted + last);
-      next_->add(is_leaf != 0 ? kFilterLeaf : kVisitNode, lane);
-      return;
+      __builtin_prefetch(wanted + 64);
+      __builtin_prefetch(wanted + 128);
+      __builtin_prefetch(wanted + sizeof(*child) - 1);
+      return true;
     }
-    finish(lane);
+    return false;
   }
 
-  void filter_leaf(RayLane* lane) {
-    triangles_tested_ += lane->leaf.count;
-    lane->filter_leaf();
-    now_->add(lane->candidates != 0 ? kDecideLeaf : kAdvanceRay, lane);
-  }
-
-  void decide_leaf(RayLane* lane) {
-    if (lane->decide_leaf(context_)) {
-      finish(lane);
-    } else {
-      now_->add(kAdvanceRay, lane);
+  void finish(RayLane* lane, Group& group) {
+    if (lane->hit_leaf.rows != nullptr) {
+      __builtin_prefetch(lane->hit_ids());
+      __builtin_prefetch(lane->hit_ids() + lane->hit_leaf.count);
     }
+    group.reports[group.report_count++] = lane;
   }
-
-  void finish(RayLane* lane) {
-    if (lane->hit_leaf.rows == nullptr) {
-      report(lane);
-      return;
+  void report_rays(Group& group) {
+    for (unsigned i = 0; i < group.report_count; ++i) {
+      group.reports[i]->report_ids();
+      --active_;
+      take_ray(group.reports[i], group);
     }
-    __builtin_prefetch(lane->hit_ids());
-    __builtin_prefetch(lane->hit_ids() + lane->hit_leaf.count);
-    next_->add(kReportRay, lane);
-  }
-  void report(RayLane* lane) {
-    lane->report_ids();
-    take_ray(lane);
+    group.report_count = 0;
   }
 
   ExpandedContext& context_;
@@ -155,11 +221,11 @@ class ExpandedBatch {
   const std::span<const Ray> rays_;
   const std::span<Hit> hits_;
   std::size_t taken_ = 0;
+  unsigned active_ = 0;
   std::uint64_t nodes_visited_ = 0, triangles_tested_ = 0;
-  std::array<Lists, 2> lists_;
-  Lists* now_ = &lists_[1];
-  Lists* next_ = &lists_[0];
-  std::array<RayLane, kLanes> lanes_;
+  std::array<Group, kGroups> groups_;
+  std::array<Decision, kGroupLanes * N + 1> decisions_;
+  std::array<RayLane, kGroups * kGroupLanes> lanes_;
 };
 
 // Each ray on its own.

@@ -47,10 +47,7 @@ struct ExpandedRay {
   float tnear, tfar;  // tfar: of the best hit so far, else the ray's own
   Hit* answer;        // the best so far; its ids as soon as they are reported
   bool has_hit;
-  LeafRows leaf;        // that is tested
-  unsigned candidates;  // of its triangles
-  Quotients quotients;  // of them, in mode fast
-  LeafRows hit_leaf;    // rows null: nothing was hit here; the ids of what was hit before stand in the answer
+  LeafRows hit_leaf;  // rows null: nothing was hit here; the ids of what was hit before stand in the answer
   std::uint32_t hit_triangle;
   Corners hit_corners;  // in mode exact
 
@@ -67,18 +64,19 @@ struct ExpandedRay {
     hit_leaf.rows = nullptr;
   }
 
-  // Which triangles of the leaf may be hit.
-  [[gnu::always_inline]] void filter_leaf() {
+  // Which triangles of the leaf may be hit; in mode fast, their quotients.
+  [[gnu::always_inline]] unsigned filter_leaf(const LeafRows& leaf, Quotients& quotients) const {
     const unsigned used = (1U << leaf.count) - 1;
     if constexpr (kMode == Mode::fast) {
-      candidates = moeller_trumbore(frame, leaf, quotients) & used;
+      return moeller_trumbore(frame, leaf, quotients) & used;
     } else {
-      candidates = woop_filter(frame, leaf, begin_of<kMode>(tnear), end_of<kMode>(tfar)) & used;
+      return woop_filter(frame, leaf, begin_of<kMode>(tnear), end_of<kMode>(tfar)) & used;
     }
   }
 
-  // True: no other hit is wanted.
-  bool decide_leaf(const ExpandedContext& context) {
+  // Of the `candidates` of a leaf. True: no other hit is wanted.
+  bool decide_leaf(const ExpandedContext& context, const LeafRows& leaf, unsigned candidates,
+                   const Quotients& quotients) {
     for (unsigned mask = candidates; mask != 0; mask &= mask - 1) {
       const int i = std::countr_zero(mask);
       const Corners corners = leaf.triangle(i);
@@ -94,7 +92,7 @@ struct ExpandedRay {
       } else {
         hit = {quotients.t[i], quotients.u[i], quotients.v[i]};
       }
-      if (offer(hit, corners, static_cast<std::uint32_t>(i), context)) {
+      if (offer(hit, corners, leaf, static_cast<std::uint32_t>(i), context)) {
         return true;
       }
     }
@@ -127,7 +125,8 @@ struct ExpandedRay {
                                  context.extras.masks.empty() ? kAllMask : context.extras.masks[index], ids);
   }
 
-  bool offer(const Candidate& hit, const Corners& corners, std::uint32_t triangle, const ExpandedContext& context) {
+  bool offer(const Candidate& hit, const Corners& corners, const LeafRows& leaf, std::uint32_t triangle,
+             const ExpandedContext& context) {
     float t = 0;
     if (!place_hit<kMode>(frame, corners, hit, tnear, tfar, t)) {
       return false;
@@ -147,7 +146,7 @@ struct ExpandedRay {
       }
       return false;
     } else {
-      if (t == tfar && has_hit && !wins_tie(corners, triangle)) {
+      if (t == tfar && has_hit && !wins_tie(corners, leaf, triangle)) {
         return false;
       }
       tfar = t;
@@ -167,7 +166,7 @@ struct ExpandedRay {
   }
 
   // Against the best so far, at equal t: in mode exact by t before it was rounded, then by the ids.
-  [[nodiscard]] bool wins_tie(const Corners& corners, std::uint32_t triangle) const {
+  [[nodiscard]] bool wins_tie(const Corners& corners, const LeafRows& leaf, std::uint32_t triangle) const {
     if constexpr (kMode == Mode::exact) {
       const int order = exact_order({frame.org, frame.dir}, corners, hit_corners);
       if (order != 0) {

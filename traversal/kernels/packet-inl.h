@@ -232,13 +232,13 @@ class ExpandedPacket {
         ++rays_met_;
         const std::size_t i = first + static_cast<unsigned>(std::countr_zero(mask));
         auto& ray = separate_[i];
-        ray.leaf = leaf;
-        ray.filter_leaf();
+        Quotients quotients;
+        const unsigned candidates = ray.filter_leaf(leaf, quotients);
         context_.counters.triangles_tested += leaf.count;
-        if (ray.candidates == 0) {
+        if (candidates == 0) {
           continue;
         }
-        const bool is_done = ray.decide_leaf(context_);
+        const bool is_done = ray.decide_leaf(context_, leaf, candidates, quotients);
         // Nothing is before an end at -infinity.
         ends_[i] = is_done ? -std::numeric_limits<float>::infinity() : end_of<kMode>(ray.tfar);
         is_nearer = true;

@@ -54,12 +54,16 @@ inline RayFrame make_frame(const std::array<float, 3>& org, const std::array<flo
 using Corners = std::array<std::array<float, 3>, 3>;
 
 /// Up to eight triangles of a page: corner k of triangle i is vertices[index[k][i]]. In a page image indices follow the
-/// vertices, so a float past the last one may be read.
+/// vertices, so a float past the last one may be read. corner(k, ray): its coordinates on the axes kx, ky, kz.
 struct LeafBlock {
   const float* vertices;                             // xyz after xyz
   std::array<std::array<std::int32_t, 8>, 3> index;  // of the corner's x in `vertices`
 
   [[nodiscard]] std::array<Float8, 3> corner(int k) const { return Float8::points(vertices, index[k]); }
+  [[nodiscard]] std::array<Float8, 3> corner(int k, const RayFrame& ray) const {
+    const auto point = corner(k);
+    return {point[ray.kx], point[ray.ky], point[ray.kz]};
+  }
   [[nodiscard]] Corners triangle(int i) const {
     Corners corners;
     for (int k = 0; k < 3; ++k) {
@@ -79,6 +83,12 @@ struct LeafRows {
   [[nodiscard]] std::array<Float8, 3> corner(int k) const {
     const float* row = rows + 3 * static_cast<std::uint32_t>(k) * count;
     return {Float8::load(row), Float8::load(row + count), Float8::load(row + 2 * count)};
+  }
+  [[nodiscard]] std::array<Float8, 3> corner(int k, const RayFrame& ray) const {
+    const float* row = rows + 3 * static_cast<std::uint32_t>(k) * count;
+    return {Float8::load(row + static_cast<std::uint32_t>(ray.kx) * count),
+            Float8::load(row + static_cast<std::uint32_t>(ray.ky) * count),
+            Float8::load(row + static_cast<std::uint32_t>(ray.kz) * count)};
   }
   [[nodiscard]] Corners triangle(int i) const {
     Corners corners;
@@ -117,18 +127,18 @@ unsigned woop_filter(const RayFrame& ray, const Leaf& leaf, float tnear, float t
   const Float8 ox = Float8::broadcast(ray.org[ray.kx]), oy = Float8::broadcast(ray.org[ray.ky]),
                oz = Float8::broadcast(ray.org[ray.kz]);
   const Float8 sx = Float8::broadcast(ray.sx), sy = Float8::broadcast(ray.sy);
-  const auto a = leaf.corner(0);
-  const auto b = leaf.corner(1);
-  const auto c = leaf.corner(2);
-  const Float8 az = a[ray.kz] - oz;
-  const Float8 bz = b[ray.kz] - oz;
-  const Float8 cz = c[ray.kz] - oz;
-  const Float8 ax = a[ray.kx] - ox - sx * az;
-  const Float8 bx = b[ray.kx] - ox - sx * bz;
-  const Float8 cx = c[ray.kx] - ox - sx * cz;
-  const Float8 ay = a[ray.ky] - oy - sy * az;
-  const Float8 by = b[ray.ky] - oy - sy * bz;
-  const Float8 cy = c[ray.ky] - oy - sy * cz;
+  const auto a = leaf.corner(0, ray);
+  const auto b = leaf.corner(1, ray);
+  const auto c = leaf.corner(2, ray);
+  const Float8 az = a[2] - oz;
+  const Float8 bz = b[2] - oz;
+  const Float8 cz = c[2] - oz;
+  const Float8 ax = a[0] - ox - sx * az;
+  const Float8 bx = b[0] - ox - sx * bz;
+  const Float8 cx = c[0] - ox - sx * cz;
+  const Float8 ay = a[1] - oy - sy * az;
+  const Float8 by = b[1] - oy - sy * bz;
+  const Float8 cy = c[1] - oy - sy * cz;
   const Float8 u = cx * by - cy * bx;
   const Float8 v = ax * cy - ay * cx;
   const Float8 w = bx * ay - by * ax;
@@ -139,11 +149,10 @@ unsigned woop_filter(const RayFrame& ray, const Leaf& leaf, float tnear, float t
   const Float8 low = min_keep(min_keep(u, v), w);
   const Float8 high = max_keep(max_keep(u, v), w);
   const Float8 minus_bound = Float8::broadcast(0.0F) - bound;
-  const std::array<Float8, 2> ends{min_keep(min_keep(az, bz), cz), max_keep(max_keep(az, bz), cz)};
-  const Float8 rdir = Float8::broadcast(ray.rdir[ray.kz]);
-  const unsigned negative = ray.octant >> ray.kz & 1;
-  const Float8 entry = ends[negative] * rdir;
-  Float8 exit = ends[negative ^ 1] * rdir;
+  const Float8 nearest = min_keep(min_keep(az, bz), cz), furthest = max_keep(max_keep(az, bz), cz);
+  const Float8 rdir = Float8::broadcast(ray.rdir[ray.kz]), dir = Float8::broadcast(ray.dir[ray.kz]);
+  const Float8 entry = select_by_sign(dir, nearest, furthest) * rdir;
+  Float8 exit = select_by_sign(dir, furthest, nearest) * rdir;
   exit = exit + abs(exit) * Float8::broadcast(kExitPad);
   const unsigned rejected = (less(low, minus_bound) & less(bound, high)) | less(Float8::broadcast(tfar), entry) |
                             less(exit, Float8::broadcast(tnear));

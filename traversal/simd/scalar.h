@@ -5,6 +5,7 @@
 
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -73,6 +74,16 @@ Floats<N> abs(const Floats<N>& x) {
   Floats<N> r;
   for (int i = 0; i < N; ++i) {
     r.lane[i] = std::bit_cast<float>(std::bit_cast<std::uint32_t>(x.lane[i]) & 0x7FFFFFFFU);
+  }
+  return r;
+}
+
+/// Lane i: a[i], or b[i] where the sign of sign[i] is set.
+template <int N>
+Floats<N> select_by_sign(const Floats<N>& sign, const Floats<N>& a, const Floats<N>& b) {
+  Floats<N> r;
+  for (int i = 0; i < N; ++i) {
+    r.lane[i] = std::signbit(sign.lane[i]) ? b.lane[i] : a.lane[i];
   }
   return r;
 }

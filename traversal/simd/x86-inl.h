@@ -43,6 +43,9 @@ inline Floats<8> operator/(Floats<8> a, Floats<8> b) { return {_mm256_div_ps(a.l
 inline Floats<8> min_keep(Floats<8> a, Floats<8> b) { return {_mm256_min_ps(a.lanes, b.lanes)}; }
 inline Floats<8> max_keep(Floats<8> a, Floats<8> b) { return {_mm256_max_ps(a.lanes, b.lanes)}; }
 inline Floats<8> abs(Floats<8> x) { return {_mm256_andnot_ps(_mm256_set1_ps(-0.0F), x.lanes)}; }
+inline Floats<8> select_by_sign(Floats<8> sign, Floats<8> a, Floats<8> b) {
+  return {_mm256_blendv_ps(a.lanes, b.lanes, sign.lanes)};
+}
 inline unsigned less_equal(Floats<8> a, Floats<8> b) {
   return static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(a.lanes, b.lanes, _CMP_LE_OQ)));
 }
