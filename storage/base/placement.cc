@@ -6,12 +6,32 @@
 
 namespace raymill::storage {
 
+namespace {
+
+// What float32 rays may be stretched by on their way into an object, and shrunk by. A test of a triangle multiplies
+// dir, the way to the triangle and an edge: 2^40 |dir|, 2^40 times the way in the world, and the edge in the object
+// have room for a way of 2^40 and an edge of 2^6 below 2^127. Shrunk by 2^60, a product of dir and two edges of 2^-16
+// is no denormal.
+constexpr double kMostStretchOfRays = 0x1p+40, kMostShrinkOfRays = 0x1p+60;
+
+}  // namespace
+
 bool invertible(const Placement& m) {
-  const auto length = [&m](std::size_t column) { return std::hypot(m[column], m[column + 1], m[column + 2]); };
+  const auto length = [](double x, double y, double z) { return std::hypot(x, y, z); };
   const double det = determinant(m);
-  const double box = length(0) * length(3) * length(6);
-  return std::all_of(m.begin(), m.end(), [](double x) { return std::isfinite(x); }) && std::isfinite(1 / det) &&
-         std::isfinite(box) && std::abs(det) >= 0x1p-20 * box;
+  double box = 1;
+  bool in_range = std::all_of(m.begin(), m.end(), [](double x) { return std::isfinite(x); });
+  for (std::size_t i = 0; i < 9; i += 3) {
+    const std::size_t a = (i + 3) % 9, b = (i + 6) % 9;
+    const double column = length(m[i], m[i + 1], m[i + 2]);
+    // A row of the inverse is the product of the other two columns over the determinant.
+    const double row = length(m[a + 1] * m[b + 2] - m[a + 2] * m[b + 1], m[a + 2] * m[b] - m[a] * m[b + 2],
+                              m[a] * m[b + 1] - m[a + 1] * m[b]) /
+                       std::abs(det);
+    box *= column;
+    in_range = in_range && column <= kMostShrinkOfRays && row <= kMostStretchOfRays;
+  }
+  return in_range && std::abs(det) >= 0x1p-20 * box;
 }
 
 Aabb placed_box(const Placement& m, const Aabb& object) {

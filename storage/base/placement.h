@@ -15,8 +15,9 @@ inline double determinant(const Placement& m) {
   return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[3] * (m[1] * m[8] - m[2] * m[7]) + m[6] * (m[1] * m[5] - m[2] * m[4]);
 }
 
-/// Whether rays can be taken into the object's space with little loss: all is finite, and the columns are far enough
-/// from one plane that the inverse in float64 is good to far more than float32.
+/// Whether rays can be taken into the object's space with little loss: all is finite, the columns are far enough from
+/// one plane that the inverse in float64 is good to far more than float32, none is longer than 2^60, and no row of the
+/// inverse is longer than 2^40, so that what is computed there stays within float32.
 bool invertible(const Placement& placement);
 
 /// A box in the world that holds the object's box as it is placed, and a float32 rounding of its points beside.

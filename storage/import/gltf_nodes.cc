@@ -68,6 +68,12 @@ class NodeImport {
     return model_.nodes[static_cast<std::size_t>(placed.node)];
   }
 
+  [[nodiscard]] Result<GltfPlacements> open_placements(const PlacedNode& placed) const {
+    Result<GltfPlacements> placements = GltfPlacements::open(node_of(placed), placed.world_from_node, context_);
+    return placements ? std::move(placements)
+                      : Result<GltfPlacements>(in_context(message("nodes[", placed.node, "]"), placements.status()));
+  }
+
   // Triangles that the accessors promise.
   [[nodiscard]] double promised(const tinygltf::Mesh& mesh) const {
     double triangles = 0;
@@ -87,8 +93,7 @@ class NodeImport {
   Status choose_objects() {
     for (const PlacedNode& placed : scene_.nodes) {
       if (node_of(placed).mesh >= 0) {
-        RAYMILL_ASSIGN_OR_RETURN(const GltfPlacements placements,
-                                 GltfPlacements::open(node_of(placed), placed.world_from_node, context_));
+        RAYMILL_ASSIGN_OR_RETURN(const GltfPlacements placements, open_placements(placed));
         meshes_[static_cast<std::size_t>(node_of(placed).mesh)].placements += placements.count();
       }
     }
@@ -107,7 +112,7 @@ class NodeImport {
     if (node.skin >= 0) {
       ++report.counts[ImportCode::skin_at_rest];
     }
-    RAYMILL_ASSIGN_OR_RETURN(GltfPlacements placements, GltfPlacements::open(node, placed.world_from_node, context_));
+    RAYMILL_ASSIGN_OR_RETURN(GltfPlacements placements, open_placements(placed));
     if (placements.by_extension()) {
       report.counts[ImportCode::gpu_instances] += placements.count();
     }

@@ -10,7 +10,8 @@
 namespace raymill::storage {
 
 /// Hands on all nodes' meshes in their order. Geometry ids do not depend on what becomes of a mesh. A placement that
-/// cannot be inverted is made triangles whatever the rule. Errors: those of import_primitive() and of the sinks.
+/// cannot be inverted well (invertible()) is made triangles whatever the rule. Errors: those of import_primitive() and
+/// of the sinks.
 Status import_nodes(const PrimitiveContext& context, const GltfScene& scene, const std::string& file,
                     const ImportOptions& options);
 

@@ -47,6 +47,11 @@ Result<GltfPlacements> GltfPlacements::open(const tinygltf::Node& node, const Tr
     placements.count_ = accessor.count();
     placements.attributes_[i].accessor = std::move(accessor);
   }
+  if (!any) {
+    return bad_scene(kInstancing,
+                     ".attributes has none of TRANSLATION, ROTATION and SCALE, one of which must say how often "
+                     "and where the mesh is placed");
+  }
   return placements;
 }
 

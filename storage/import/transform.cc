@@ -1,5 +1,7 @@
 #include "storage/import/transform.h"
 
+#include <algorithm>
+
 namespace raymill::storage {
 
 Placement placement_of(const Transform& transform) {
@@ -13,7 +15,12 @@ Placement placement_of(const Transform& transform) {
 }
 
 Transform from_trs(const Vec3d& translation, const std::array<double, 4>& rotation, const Vec3d& scale) {
-  const auto [x, y, z, w] = rotation;
+  // Turned to a length near one by a power of two, which changes no digit: squares neither overflow nor vanish.
+  const double largest =
+      std::max({std::abs(rotation[0]), std::abs(rotation[1]), std::abs(rotation[2]), std::abs(rotation[3])});
+  const int exponent = largest > 0 && std::isfinite(largest) ? std::ilogb(largest) : 0;
+  const double x = std::scalbn(rotation[0], -exponent), y = std::scalbn(rotation[1], -exponent),
+               z = std::scalbn(rotation[2], -exponent), w = std::scalbn(rotation[3], -exponent);
   const double norm = x * x + y * y + z * z + w * w;
   const double s = norm > 0 ? 2 / norm : 0;
   const double turned[9] = {1 - s * (y * y + z * z), s * (x * y + z * w),     s * (x * z - y * w),

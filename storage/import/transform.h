@@ -34,7 +34,8 @@ struct Transform {
 Placement placement_of(const Transform& transform);
 
 /// Scale, then rotation by a quaternion x y z w of any length: q * p * q^-1 (Shoemake 1985), so rounding in the file
-/// does not scale; then translation. A quaternion of zeros rotates nothing.
+/// does not scale; then translation. A quaternion of zeros rotates nothing,
+/// one that is not finite makes all NaN.
 Transform from_trs(const Vec3d& translation, const std::array<double, 4>& rotation, const Vec3d& scale);
 
 inline Transform operator*(const Transform& a, const Transform& b) {

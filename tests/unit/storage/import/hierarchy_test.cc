@@ -49,6 +49,18 @@ TEST(Hierarchy, QuaternionOfAnyLengthRotatesWithoutScaling) {
   EXPECT_EQ(first_corners(scene), (std::vector<float>{0, 1, 0, -1, 0, 0, 0, 0, 1}));
 }
 
+TEST(Hierarchy, QuaternionWhoseSquaresLeaveFloat64RotatesAsWell) {
+  for (const double length : {1e-310, 1e-200, 1e200, 1e308}) {
+    TestScene scene = unit_triangle();
+    scene.root["nodes"][0]["rotation"] = {0, 0, length, length};
+    const std::vector<float> found = first_corners(scene), expected{0, 1, 0, -1, 0, 0, 0, 0, 1};
+    ASSERT_EQ(found.size(), expected.size()) << length;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      EXPECT_NEAR(found[i], expected[i], 1e-7) << length;
+    }
+  }
+}
+
 TEST(Hierarchy, NegativeScaleMirrorsAndKeepsTheOrderOfCorners) {
   TestScene scene = unit_triangle();
   scene.root["nodes"][0]["scale"] = {-1, 2, 1};

@@ -155,6 +155,9 @@ TEST(InstanceImport, BrokenAttributesAreRefused) {
   instance(nowhere, {1, 2, 3}, {}, {});
   nowhere.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = 99;
   EXPECT_NE(message_of(nowhere).find("99"), std::string::npos);
+  TestScene none = many_nodes(1);
+  none.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = nlohmann::json::object();
+  EXPECT_NE(message_of(none).find("nodes[0]: EXT_mesh_gpu_instancing.attributes has none"), std::string::npos);
 }
 
 }  // namespace

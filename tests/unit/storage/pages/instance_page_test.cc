@@ -116,6 +116,10 @@ TEST(Placements, BoxesHoldWhatIsPlaced) {
   EXPECT_FALSE(invertible({1, 0, 0, 0, 1, 0, 1, 1, 1e-9, 0, 0, 0})) << "all but flat";
   EXPECT_FALSE(invertible({1, 0, 0, 0, 1, 0, 0, 0, 1, std::nan(""), 0, 0}));
   EXPECT_TRUE(invertible({1e-6, 0, 0, 0, 1e-6, 0, 0, 0, -1e-6, 0, 0, 0})) << "small and mirrored is not flat";
+  EXPECT_TRUE(invertible({0x1p-40, 0, 0, 0, 1, 0, 0, 0, 0x1p+60, 0, 0, 0}));
+  EXPECT_FALSE(invertible({0x1p-41, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0})) << "rays would be stretched beyond float32";
+  EXPECT_FALSE(invertible({1, 0, 0, 0, 0x1p+61, 0, 0, 0, 1, 0, 0, 0})) << "rays would shrink to nothing";
+  EXPECT_FALSE(invertible({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
 }  // namespace
