@@ -4,8 +4,9 @@
 
 For scenes of the collection (left out where they are missing) and one that is made: normals, texture coordinates and
 colours at each hit, and that the hit lies where the file's own triangle is; the same bytes from all the memory and from
-5 %, from every ISA and width, from the schedule that suspends everywhere, and through a server; that stores without
-attributes stay as they are; and files that are damaged or do not fit.
+5 %, from every ISA and width, from the schedule that suspends everywhere, and through a server; beside alpha masks; that
+sparse accessors and EXT_meshopt_compression give the same; that stores without attributes stay as they are; and files that
+are damaged or do not fit.
 """
 
 import json
@@ -16,9 +17,11 @@ import numpy as np
 
 TESTS = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TESTS / "trial"), str(TESTS / "masks")]
-from bad_attributes import try_bad_files  # noqa: E402
+import gltf_encodings  # noqa: E402
+from bad_attributes import try_bad_encodings, try_bad_files  # noqa: E402
 from gltf_triangles import Document, local_matrix, placed_nodes  # noqa: E402
 from made_scene import Scene, sheet  # noqa: E402
+from made_scene import make_scene as make_masks  # noqa: E402
 from support import Server, parser, run, scenes_folder, work_folder  # noqa: E402
 
 NAMES = {"shading_normal": ("normal", "NORMAL"), "uv0": ("uv0", "TEXCOORD_0"), "uv1": ("uv1", "TEXCOORD_1"),
@@ -119,7 +122,12 @@ def make_scene(folder):
                  "TEXCOORD_0": [(uv.astype(np.float32), "VEC2", 5126),
                                 (np.round(uv * 65535).astype(np.uint16), "VEC2", 5123, True),
                                 (np.round(uv * 255).astype(np.uint8), "VEC2", 5121, True)][i % 3],
-                 "TEXCOORD_1": (np.round(uv * 900 - 50).astype(np.int16), "VEC2", 5122),
+                 # KHR_mesh_quantization: signed ones reach below -1, which counts as -1.
+                 "TEXCOORD_1": [(np.round(uv * 900 - 50).astype(np.int16), "VEC2", 5122),
+                                (np.round(uv * 255 - 128).astype(np.int8), "VEC2", 5120, True),
+                                (np.round(uv * 65535).astype(np.uint16), "VEC2", 5123),
+                                (np.round(uv * 65535 - 32768).astype(np.int16), "VEC2", 5122, True),
+                                (np.round(uv * 200).astype(np.uint8), "VEC2", 5121)][i % 5],
                  "COLOR_0": [(colors.astype(np.float32), "VEC4", 5126),
                              (colors[:, :3].astype(np.float32), "VEC3", 5126),
                              (np.round(colors * 65535).astype(np.uint16), "VEC4", 5123, True)][i % 3]}
@@ -166,13 +174,14 @@ class Trial:
         run(self.options.raymill, "trace", store, rays, "-o", out, "--stats", stats, *words)
         return np.load(out), json.loads(stats.read_text())
 
-    def scene(self, name, path, count, readable=True):
-        asked = ["normal", "uv0"] if name != "made" and name != "helicopter" else ["normal", "uv0", "uv1", "color0"]
+    def scene(self, name, path, count, readable=True, rules=()):
+        """`rules`: what else builds are asked for."""
+        asked = ["normal", "uv0", "uv1", "color0"] if name in ("made", "masked", "helicopter") else ["normal", "uv0"]
         if name == "engine":
             asked = ["normal"]
         fields = [field for field, (attribute, _) in NAMES.items() if attribute in asked]
-        store, report, info = self.build(path, f"{name}.mill", "--attributes", ",".join(asked))
-        plain, _, plain_info = self.build(path, "plain.mill")
+        store, report, info = self.build(path, f"{name}.mill", "--attributes", ",".join(asked), *rules)
+        plain, _, plain_info = self.build(path, "plain.mill", *rules)
         rays = self.folder / f"{name}-rays.npy"
         np.save(rays, make_rays(info, count, 5))
         words = ["--fields", ",".join(["t", "uv", "ids", "instance_id", "normal", *fields])]
@@ -193,7 +202,8 @@ class Trial:
             self.compare(name, path, np.load(rays), hits, fields)
         else:
             self.plausible(name, hits)
-        self.everywhere(name, path, asked, store, info, rays, hits, words)
+        self.everywhere(name, path, asked, store, info, rays, hits, words, rules)
+        return rays, hits, words
 
     def compare(self, name, path, rays, hits, fields):
         of_file = geometries(path, self.folder)
@@ -240,10 +250,10 @@ class Trial:
         self.check(f"{name}: normals have length one", hit.sum() > 0 and np.abs(length - 1).max() < 2e-7)
         self.check(f"{name}: normals are near the triangles'", (along > 0.7).mean() > 0.9)
 
-    def everywhere(self, name, path, asked, store, info, rays, hits, words):
+    def everywhere(self, name, path, asked, store, info, rays, hits, words, rules):
         """The same bytes however they come."""
         ways = {"two threads": ["--threads", "2"], "scalar": ["--isa", "scalar"], "sorted": ["--sort-rays", "always"]}
-        if not self.options.short or name == "made":
+        if not self.options.short or name in ("made", "masked"):
             ways["5 % of memory"] = ["--memory", info["least_memory_bytes"] + info["decoded_bytes"] // 20]
         for way, more in ways.items():
             again, stats = self.trace(store, rays, *words, *more)
@@ -254,23 +264,23 @@ class Trial:
         np.save(few, np.load(rays)[:some])
         again, _ = self.trace(store, few, *words, "--adversarial")
         self.check(f"{name}, suspended everywhere: the same bytes", again.tobytes() == hits[:some].tobytes())
-        if self.options.short and name != "made":
+        if self.options.short and name not in ("made", "masked"):
             return
         with Server(self.options.raymill, self.folder, self.folder, "--memory", "300M") as server:
             again, _ = self.trace(store.name, rays, *words, "--server", server.address)
         self.check(f"{name}, through a server: the same bytes", again.tobytes() == hits.tobytes())
         other, *_ = self.build(path, "other.mill", "--attributes", ",".join(reversed(asked)), "--width", "4",
-                               "--page-size", "16K", "--codec", "lz4")
+                               "--page-size", "16K", "--codec", "lz4", *rules)
         again, _ = self.trace(other, rays, *words)
         self.check(f"{name}, 4 wide, small pages, lz4: the same bytes", again.tobytes() == hits.tobytes())
         little, _, _ = self.build(path, "little.mill", "--attributes", ",".join(asked), "--threads", "1", "--memory",
-                                  "120M")
+                                  "120M", *rules)
         self.check(f"{name}: the same store whatever the memory and the threads",
                    little.read_bytes() == store.read_bytes())
         if name == "teapots":  # seven million triangles
             return
         flat, _, _ = self.build(path, "flat.mill", "--attributes", ",".join(asked), "--instances", "never", "--codec",
-                                "raw")
+                                "raw", *rules)
         again, _ = self.trace(flat, rays, *words)
         same = (again["primitive_id"] == hits["primitive_id"]) & (again["geometry_id"] == hits["geometry_id"])
         with np.errstate(invalid="ignore"):
@@ -282,17 +292,44 @@ class Trial:
             self.check(f"{name}: flattened {field} is the instanced one but for u and v",
                        both.sum() > 0 and np.nanmedian(error) < 1e-4 * scale)
 
+    def encoded(self, scene, rays, hits, words):
+        """The same numbers from sparse accessors, and from compressed ones."""
+        asked = ["--attributes", "normal,uv0,uv1,color0"]
+
+        def hits_of(path):
+            store, report, _ = self.build(path, "encoded.mill", *asked)
+            return self.trace(store, rays, *words)[0], report["import"]["counts"]
+
+        again, _ = hits_of(gltf_encodings.sparse(scene))
+        self.check("sparse accessors: the same bytes", again.tobytes() == hits.tobytes())
+        packed, plain = gltf_encodings.meshopt(scene)
+        (again, counts), (decoded, _) = hits_of(packed), hits_of(plain)
+        self.check(f"EXT_meshopt_compression: views are decoded {counts}", counts["meshopt_views"]["count"] > 10)
+        self.check("EXT_meshopt_compression: the same bytes as decoded by the library",
+                   again.tobytes() == decoded.tobytes())
+        # The octahedral filter moves normals alone.
+        others = [field for field in hits.dtype.names if field != "shading_normal"]
+        self.check("EXT_meshopt_compression: all but normals as they were",
+                   all(again[field].tobytes() == hits[field].tobytes() for field in others))
+        along = (again["shading_normal"] * hits["shading_normal"]).sum(axis=1)
+        self.check("EXT_meshopt_compression: normals near to what they were",
+                   np.nanmin(along[np.isfinite(along)]) > 0.9 and (along < 0.99999).any())
+
 
 def main():
     options = parser(__doc__).parse_args()
     with work_folder(options) as folder:
         trial = Trial(options, pathlib.Path(folder))
-        trial.scene("made", make_scene(trial.folder), 4000 if options.short else 200_000)
+        made, count = make_scene(trial.folder), 4000 if options.short else 200_000
+        trial.encoded(made, *trial.scene("made", made, count))
+        trial.scene("masked", make_masks(trial.folder, 1, 8 if options.short else 24), count,
+                    rules=["--blend-as-mask", "0.4", "--cull-back-faces"])
         scenes = scenes_folder()
         for name, (path, readable, short_rays) in SCENES.items() if scenes else ():
             if not options.short or short_rays:
                 trial.scene(name, scenes / path, short_rays if options.short else 400_000, readable)
         try_bad_files(trial, make_scene(trial.folder))
+        try_bad_encodings(trial, make_scene(trial.folder))
     if trial.failures:
         sys.exit(f"{len(trial.failures)} checks failed: " + "; ".join(trial.failures))
 

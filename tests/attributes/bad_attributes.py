@@ -3,6 +3,8 @@
 import json
 import subprocess
 
+import gltf_encodings
+
 
 def fails(trial, what, code, sentence, *words):
     """One sentence on stderr that says this, the exit code, and no output."""
@@ -75,3 +77,32 @@ def try_bad_files(trial, scene):
     broken = trial.folder / "broken.mill"
     broken.write_bytes(damaged)
     fails(trial, "a damaged page of attributes", 42, f"page {last}", "verify", broken)
+
+
+def try_bad_encodings(trial, scene):
+    """Sparse accessors and compressed views of attributes that say what cannot be."""
+    def build(what, sentence, path, change):
+        fails(trial, what, 42, sentence, "build", changed(trial, path, change), "-o", trial.folder / "bad.mill",
+              "--attributes", "normal")
+
+    def stream(document):
+        view = document["bufferViews"][first(document, "NORMAL")["bufferView"]]
+        return view["extensions"]["EXT_meshopt_compression"]
+
+    def sparse(document):
+        return first(document, "NORMAL")["sparse"]
+
+    path = gltf_encodings.sparse(scene)
+    build("more sparse rows than rows", "sparse", path, lambda d: sparse(d).update(count=1 << 20))
+    build("sparse indices of floats", "sparse", path, lambda d: sparse(d)["indices"].update(componentType=5126))
+    build("sparse indices that do not rise", "sparse", path,
+          lambda d: sparse(d)["indices"].update(bufferView=sparse(d)["values"]["bufferView"]))
+    build("sparse values past their view", "", path, lambda d: sparse(d)["values"].update(byteOffset=1 << 20))
+    build("sparse values of no view", "bufferViews", path, lambda d: sparse(d)["values"].update(bufferView=9999))
+    path, _ = gltf_encodings.meshopt(scene)
+    build("a stream cut short", "meshopt stream does not decode", path,
+          lambda d: stream(d).update(byteLength=stream(d)["byteLength"] // 2))
+    build("a stream that is none", "meshopt stream does not decode", path,
+          lambda d: stream(d).update(byteOffset=stream(d)["byteOffset"] + 8))
+    build("a stream of more rows than it has", "", path, lambda d: stream(d).update(count=1 << 16))
+    build("a filter that is none", "filter", path, lambda d: stream(d).update(filter="CUBIC"))

@@ -124,6 +124,10 @@ def make_scene(folder, seed, sheets=24):
         far = [1, 3, 20][i % 3]
         attributes = {"TEXCOORD_0": ((uv * far - far / 3).astype(np.float32), "VEC2", 5126),
                       "TEXCOORD_1": (np.round(uv * 65535).astype(np.uint16), "VEC2", 5123, True)}
+        if i % 2 == 0:  # for those who ask for attributes
+            normals = positions - positions.mean(axis=0) + [0, 0, 1]
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            attributes["NORMAL"] = (normals.astype(np.float32), "VEC3", 5126)
         if i % 2 == 1 or picture is None:
             colors = np.round(np.clip(0.5 + random.random((len(uv), 4)), 0, 1) * 255).astype(np.uint8)
             attributes["COLOR_0"] = (colors, "VEC4", 5121, True)

@@ -3,7 +3,8 @@
     together.py --raymill RAYMILL --oracle VOLUME_ORACLE [--sheets N] [--rays N] [--short]
 
 A stack of sheets with masks of every kind, each a mesh that is placed by several nodes, some of them mirrored (instances,
-alphaMode MASK and BLEND, single-sided materials), with a level set and a fog between them (VOLUME_ORACLE makes both). Each
+alphaMode MASK and BLEND, single-sided materials, vertex attributes), with a level set and a fog between them
+(VOLUME_ORACLE makes both). Each
 query that such a store answers is asked with plenty of memory, and again with the least, one and more threads, other
 instructions, other policies, through a server, with every ray suspended at every node and every page evicted after it, and in
 stores of another width, page size and codec.
@@ -24,6 +25,7 @@ NONE = 0xFFFFFFFF
 
 QUERIES = {
     "closest": ["--query", "closest", "--fields", "t,uv,ids,instance_id,normal"],
+    "attributes": ["--query", "closest", "--fields", "t,ids,shading_normal,uv0,uv1,color0"],
     "any": ["--query", "any"],
     "all": ["--query", "all", "--fields", "t,uv,ids,instance_id,normal"],
     "exact": ["--query", "closest", "--mode", "exact", "--fields", "t,ids,instance_id"],
@@ -58,7 +60,7 @@ class Trial:
             support.run(self.options.oracle, "make", kind, path, size)
             volumes.append((path, rows))
         self.scene = [scene, *(path for path, _ in volumes), "--blend-as-mask", "0.4", "--cull-back-faces", "--instances",
-                      "always", *itertools.chain.from_iterable(("--volume-transform", rows) for _, rows in volumes)]
+                      "always", "--attributes", "normal,uv0,uv1,color0", *itertools.chain.from_iterable(("--volume-transform", rows) for _, rows in volumes)]
 
     def build(self, width, page, codec):
         store = self.folder / f"{width}-{page}-{codec}.mill"
@@ -82,17 +84,20 @@ class Trial:
     def look(self, store, rays):
         """That rays meet all of it: else the same bytes would say little."""
         out = {}
-        for query in ("closest", "transmittance", "spans"):
+        for query in ("closest", "attributes", "transmittance", "spans"):
             path, stats = self.folder / "look.npy", self.folder / "stats.json"
             self.run("trace", store, rays, "-o", path, "--stats", stats, "--progress", "none", *QUERIES[query])
             out[query] = numpy.load(path)
             if query == "closest":
                 told = support.json.loads(stats.read_text())
-        hits = out["closest"][numpy.isfinite(out["closest"]["t"])]
+        hits, shaded = (out[query][numpy.isfinite(out["closest"]["t"])] for query in ("closest", "attributes"))
         placed = hits["instance_id"] != NONE
         found = {"triangles of instances": int(placed.sum()), "points of the level set": int((~placed).sum()),
                  "hits on masks": told["masks_tested"], "texels": told["texels_read"],
-                 "rays through fog": int((out["transmittance"] < 1).sum()), "spans": len(out["spans"])}
+                 "rays through fog": int((out["transmittance"] < 1).sum()), "spans": len(out["spans"]),
+                 "shading normals": int(numpy.isfinite(shaded["shading_normal"][:, 0]).sum()),
+                 "colours": int(numpy.isfinite(shaded["color0"][:, 0]).sum()),
+                 "hits without attributes": int(numpy.isnan(shaded["uv0"][~placed, 0]).sum())}
         print(f"{len(out['closest'])} rays: " + ", ".join(f"{count} {what}" for what, count in found.items()), flush=True)
         self.problems += [f"no {what}" for what, count in found.items() if count == 0]
 
@@ -115,7 +120,7 @@ class Trial:
         for i, kind in enumerate(STORES[:2] if self.options.short else STORES):
             store, info = self.build(*kind)
             if i == 0:
-                wanted = {"triangles", "geometry_ids", "instances", "masks", "volumes"}
+                wanted = {"triangles", "geometry_ids", "instances", "masks", "volumes", "attributes"}
                 if not wanted <= set(info["features"]):
                     self.problems.append(f"the store has {info['features']} alone")
                 for path, count in ((rays, self.options.rays), (few, self.options.rays // 20)):
