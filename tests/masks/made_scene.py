@@ -134,7 +134,8 @@ def make_scene(folder, seed, sheets=24):
         mesh = scene.mesh(positions, indices, material, **attributes)
         quarter = random.normal(size=4)
         for k in range(1 + i % 3):
-            scene.node(mesh, translation=(random.random(3) * 2).tolist(),
+            # Whole multiples of 2^-20, so that they stay what they are far from zero.
+            scene.node(mesh, translation=(np.floor(random.random(3) * 2**21) / 2**20).tolist(),
                        rotation=(quarter / np.linalg.norm(quarter)).tolist(),
                        scale=[1 if k != 1 else -1, 1 + 0.3 * k, 1])
     return scene.write()

@@ -5,7 +5,7 @@
 For torque_forest, banana_tree and alpha_blend_mode_test (left out where the scenes are missing) and scenes that are
 made: hits of a million rays against the reference's, in every mode; the same bytes from little memory, from the schedule
 that suspends everywhere, and from every width and ISA; rays per second with masks and with all opaque; how many triangle
-tests look a texel up; and pictures that are missing, broken, tiny and large.
+tests look a texel up; parts with origins of their own; and pictures that are missing, broken, tiny and large.
 """
 
 import argparse
@@ -20,6 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "trial"))
 import bad_textures  # noqa: E402
+import parts  # noqa: E402
 from gltf_triangles import read_scene, write_scene  # noqa: E402
 from made_scene import make_scene  # noqa: E402
 from support import Table, run, scenes_folder  # noqa: E402
@@ -29,8 +30,9 @@ SCENES = {"torque_forest": "torque_forest.glb", "banana_tree": "scene.gltf",
           "alpha_blend_mode_test": "AlphaBlendModeTest.glb"}
 
 
-def make_rays(triangles, count, seed):
-    """From around the scene and from within it, towards triangles; some along axes, some with an interval."""
+def make_rays(triangles, count, seed, step=0):
+    """From around the scene and from within it, towards triangles; some along axes, some with an interval. With `step`,
+    they begin at multiples of it."""
     random = np.random.default_rng(seed)
     corners = triangles["corners"].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -49,6 +51,8 @@ def make_rays(triangles, count, seed):
         rays[some, axis] = low[axis] - size.max()
         rays[some, 4 + axis] = 1
     rays[5::17, 3] = 0.1 * np.linalg.norm(size)
+    if step > 0:
+        rays[:, :3] = np.round(rays[:, :3] / step) * step
     return rays
 
 
@@ -76,12 +80,12 @@ class Trial:
         run(self.options.raymill, "trace", store, rays, "-o", out, "--stats", stats, *words)
         return np.load(out), json.loads(stats.read_text())
 
-    def reference(self, name, scene, count, **rules):
+    def reference(self, name, scene, count, step=0, **rules):
         """(rays' path, the reference's answers)"""
         triangles, rows = read_scene(scene, self.folder, **rules)
         raw, path, answers = (self.folder / end for end in ("scene.raw", f"{name}-rays.npy", "answers.raw"))
         write_scene(raw, triangles, rows)
-        rays = make_rays(triangles, count, 7)
+        rays = make_rays(triangles, count, 7, step)
         np.save(path, rays)
         flat = self.folder / "rays.raw"
         rays.tofile(flat)
@@ -210,6 +214,8 @@ def main():
             trial.bad()
         if options.only in (None, "made"):
             trial.made()
+        if options.only in (None, "parts"):
+            parts.try_parts(trial)
         for name, file in SCENES.items() if scenes else ():
             if options.only in (None, name) and not (options.short and name == "torque_forest"):
                 trial.scene(name, scenes / name / file)
