@@ -4,9 +4,9 @@
 
 For scenes of the collection (left out where they are missing) and one that is made: normals, texture coordinates and
 colours at each hit, and that the hit lies where the file's own triangle is; the same bytes from all the memory and from
-5 %, from every ISA and width, from the schedule that suspends everywhere, and through a server; beside alpha masks; that
-sparse accessors and EXT_meshopt_compression give the same; that stores without attributes stay as they are; and files that
-are damaged or do not fit.
+5 %, from every ISA and width, from the schedule that suspends everywhere, and through a server; beside alpha masks;
+that sparse accessors and EXT_meshopt_compression give the same; that stores without attributes stay as they are; and
+files that are damaged or do not fit.
 """
 
 import json

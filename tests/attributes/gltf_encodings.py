@@ -1,6 +1,6 @@
-"""A scene's vertex attributes written in other ways that give the same numbers: sparse accessors, EXT_meshopt_compression.
+"""A scene's vertex attributes written in other ways that give the same numbers: sparse, or EXT_meshopt_compression.
 
-What comes is a .gltf whose accessors have a view each and whose one buffer lies beside it, as made_scene.Scene writes it.
+What comes is a .gltf whose accessors have a view each and whose one buffer lies beside it, as made_scene.Scene writes.
 """
 
 import ctypes
@@ -30,7 +30,8 @@ class Rewriter:
 
     def view(self, data, **fields):
         self.data += bytes(-len(self.data) % 4)
-        self.document["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **fields})
+        self.document["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data),
+                                             **fields})
         self.data += data
         return len(self.document["bufferViews"]) - 1
 
@@ -43,7 +44,7 @@ class Rewriter:
 
 
 def sparse(path, name="sparse"):
-    """Every third row stands in the sparse part, and noise in its place; of some accessors all rows do, without a view."""
+    """Every third row stands in the sparse part, and noise in its place; of some accessors all do, without a view."""
     scene, random = Rewriter(path), np.random.default_rng(4)
     for number, index in enumerate(scene.attributes()):
         accessor = scene.document["accessors"][index]
@@ -89,12 +90,13 @@ class Meshopt:
         self.library.meshopt_encodeFilterOct(pointer, ctypes.c_size_t(len(vectors)), size, bits,
                                              vectors.ctypes.data_as(ctypes.c_void_p))
         decoded = stored.copy()
-        self.library.meshopt_decodeFilterOct(decoded.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(len(vectors)), size)
+        self.library.meshopt_decodeFilterOct(decoded.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(len(vectors)),
+                                             size)
         return stored, decoded
 
 
 def meshopt(path):
-    """(the scene compressed, the same numbers plain): normals of integers by the octahedral filter, the rest as it is."""
+    """(the scene compressed, the same numbers plain): normals of integers by the octahedral filter."""
     encoder, packed, plain = Meshopt(), Rewriter(path), Rewriter(path)
     packed.document["extensionsUsed"].append("EXT_meshopt_compression")
     packed.document["extensionsRequired"] = ["EXT_meshopt_compression"]
@@ -108,7 +110,8 @@ def meshopt(path):
         if index in normals and rows.dtype != np.float32:
             length = np.linalg.norm(rows.astype(np.float64), axis=1)[:, None]
             rows, decoded = encoder.octahedral(rows / length, rows.dtype)
-            plain.document["accessors"][index]["bufferView"] = plain.view(decoded.tobytes(), byteStride=4 * rows.itemsize)
+            decoded_view = plain.view(decoded.tobytes(), byteStride=4 * rows.itemsize)
+            plain.document["accessors"][index]["bufferView"] = decoded_view
             filtered = {"filter": "OCTAHEDRAL"}
         data = rows.view(np.uint8).reshape(len(rows), -1)
         data = np.pad(data, ((0, 0), (0, -data.shape[1] % 4)))

@@ -41,7 +41,7 @@ def try_parts(trial):
             wrong, ties = trial.compare(truth, answers)
             trial.check(f"parts, about zero: {wrong} wrong, {ties} ties", wrong == 0 and ties <= trial.rays // 1000)
         trial.check("parts: rays look texels up", stats["texels_read"] > 0)
-        # Which of the meshes are placed by matrices is --instances' to say; --origins always gives their rays all digits.
+        # What --instances places by matrices is in no part; --origins always gives its rays all digits too.
         for origins in ("auto", "always") if instances == "never" else ("always",):
             name = f"parts, --origins {origins} --instances {instances}"
             store, _, info = trial.build(far, "far.mill", "--origins", origins, "--instances", instances, *RULES)

@@ -2,12 +2,11 @@
 
     together.py --raymill RAYMILL --oracle VOLUME_ORACLE [--sheets N] [--rays N] [--short]
 
-A stack of sheets with masks of every kind, each a mesh that is placed by several nodes, some of them mirrored (instances,
-alphaMode MASK and BLEND, single-sided materials, vertex attributes), with a level set and a fog between them
-(VOLUME_ORACLE makes both). Each
-query that such a store answers is asked with plenty of memory, and again with the least, one and more threads, other
-instructions, other policies, through a server, with every ray suspended at every node and every page evicted after it, and in
-stores of another width, page size and codec.
+A stack of sheets with masks of every kind, each a mesh that is placed by several nodes, some of them mirrored
+(instances, alphaMode MASK and BLEND, single-sided materials, vertex attributes), with a level set and a fog between them
+(VOLUME_ORACLE makes both). Each query that such a store answers is asked with plenty of memory, and again with the least,
+one and more threads, other instructions, other policies, through a server, with every ray suspended at every node and
+every page evicted after it, and in stores of another width, page size and codec.
 """
 
 import itertools
@@ -60,7 +59,8 @@ class Trial:
             support.run(self.options.oracle, "make", kind, path, size)
             volumes.append((path, rows))
         self.scene = [scene, *(path for path, _ in volumes), "--blend-as-mask", "0.4", "--cull-back-faces", "--instances",
-                      "always", "--attributes", "normal,uv0,uv1,color0", *itertools.chain.from_iterable(("--volume-transform", rows) for _, rows in volumes)]
+                      "always", "--attributes", "normal,uv0,uv1,color0",
+                      *itertools.chain.from_iterable(("--volume-transform", rows) for _, rows in volumes)]
 
     def build(self, width, page, codec):
         store = self.folder / f"{width}-{page}-{codec}.mill"
