@@ -79,7 +79,9 @@ Verb add_rays(CLI::App& app) {
       "the\n"
       "largest coordinate or distance they come from. (N, 8) float32, or float64 where the store has an origin; the "
       "same\n"
-      "seed gives the same rays.\n\n"
+      "seed gives the same rays. They begin at float32 numbers of the store's space: where parts have origins of "
+      "their\n"
+      "own, as coarsely as float32 is there (half a unit at 10^7); write rays of float64 of your own to see more.\n\n"
       "  raymill rays city.mill --kind bounce --count 10M -o bounce.npy --shuffle");
   verb->add_option("STORE", options->store, "The store")->required()->type_name("X.mill");
   add_parsed(*verb, "--kind", options->order.kind, parse_ray_kind, "primary, ao, bounce, random or shadow", "KIND")

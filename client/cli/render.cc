@@ -144,7 +144,8 @@ Verb add_render(CLI::App& app) {
       ".png is\n"
       "8-bit sRGB (depth by its logarithm, path by a filmic curve). The same seed gives the same picture, whatever "
       "the\n"
-      "memory and the threads. A picture is kept in a raw file beside its name while it is made.\n\n"
+      "memory and the threads. A picture is kept in a raw file beside its name while it is made. Rays\n"
+      "begin at float32 numbers of the store's space, coarse in parts that have origins of their own.\n\n"
       "  raymill render city.mill -o city.png --view path --spp 64 --camera overview");
   verb->add_option("STORE", options->store, "The store; with --server its name there")->required()->type_name("X.mill");
   verb->add_option("-o,--output", options->output, "The picture to write: .exr or .png")->required()->type_name("FILE");
