@@ -266,21 +266,21 @@ TEST(AttributesTest, RecordsHoldWhatARayStillNeeds) {
 
 TEST(AttributePage, EveryCodecGivesTheItemsBackAndDamageIsRefused) {
   Random random(5);
-  constexpr std::uint32_t kPageBytes = 16 << 10;
+  constexpr std::uint32_t kAttributePageBytes = 16 << 10;
   for (const AttributeSet set : {1U, 2U, 6U, 15U}) {
     for (const AttributePageKind kind : {AttributePageKind::entries, AttributePageKind::geometries}) {
-      const std::uint32_t count = attribute_items_per_page(kind, set, kPageBytes);
+      const std::uint32_t count = attribute_items_per_page(kind, set, kAttributePageBytes);
       std::vector<std::byte> items(std::size_t{count} * attribute_item_bytes(kind, set));
       for (std::size_t i = 0; kind == AttributePageKind::entries && i < items.size(); ++i) {
         items[i] = static_cast<std::byte>(i / 64 % 3 == 0 ? random.below(256) : i / 256);
       }
       const std::vector<std::byte> image = make_attribute_page(kind, set, items);
-      PageRules rules{8, 4, 0, kPageBytes, 1, 3};
+      PageRules rules{8, 4, 0, kAttributePageBytes, 1, 3};
       rules.attributes = set;
       for (const Codec codec : {Codec::raw, Codec::lz4, Codec::zstd, Codec::draco}) {
         std::vector<std::byte> encoded = encode_attribute_page(image, codec);
         PageDecoder decoder(rules, {}, codec);
-        PageBuffer frame(kPageBytes);
+        PageBuffer frame(kAttributePageBytes);
         const auto size = decoder.decode(encoded, frame);
         ASSERT_TRUE(size.ok()) << size.status().message();
         ASSERT_EQ(*size, image.size());

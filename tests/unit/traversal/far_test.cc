@@ -19,7 +19,7 @@ using tests::TempFolder;
 using tests::Traced;
 
 constexpr std::array<double, 3> kPlace = {4510336.5, -3200768.25, 5e8};
-constexpr double kGrid = 0x1p-20;  // of coordinates that float64 holds at kPlace too
+constexpr double kFarGrid = 0x1p-20;  // of coordinates that float64 holds at kPlace too
 constexpr double kInfinity64 = std::numeric_limits<double>::infinity();
 constexpr double kNan64 = std::numeric_limits<double>::quiet_NaN();
 
@@ -30,7 +30,7 @@ Ray64 in_world(const Ray& ray) {
           .tfar = ray.tfar};
 }
 
-struct Way {
+struct FarWay {
   std::string layout = "auto";
   Mode mode = Mode::watertight;
   bool relative = false;
@@ -46,7 +46,7 @@ class FarTest : public testing::Test {
     rays_ = tests::mixed_rays(random, scene_, 2000);
     for (Ray& ray : rays_) {
       for (float& x : ray.org) {
-        x = static_cast<float>(std::nearbyint(x / kGrid) * kGrid);
+        x = static_cast<float>(std::nearbyint(x / kFarGrid) * kFarGrid);
       }
       wide_.push_back(in_world(ray));
     }
@@ -78,7 +78,7 @@ class FarTest : public testing::Test {
   }
 
   template <typename Push>
-  static Traced trace(const std::string& path, const Way& way, const Push& push) {
+  static Traced trace(const std::string& path, const FarWay& way, const Push& push) {
     EngineConfig config;
     config.memory = gibibytes(8);
     config.layout = way.layout;
@@ -91,7 +91,7 @@ class FarTest : public testing::Test {
     EXPECT_TRUE(push(**job).ok());
     return tests::run_job(**job, {});
   }
-  Traced trace64(const std::string& path, const Way& way = {}) const {
+  Traced trace64(const std::string& path, const FarWay& way = {}) const {
     return trace(path, way, [this](Job& job) { return job.push64(wide_); });
   }
 

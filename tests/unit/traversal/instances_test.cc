@@ -17,15 +17,15 @@ namespace {
 
 using traversal::Isa;
 
-constexpr std::size_t kRays = kSanitized ? 600 : 3000;
+constexpr std::size_t kInstanceRays = kSanitized ? 600 : 3000;
 
-struct Fixture {
-  explicit Fixture(std::uint64_t seed, std::size_t places = 40) : random(seed) {
+struct InstanceFixture {
+  explicit InstanceFixture(std::uint64_t seed, std::size_t places = 40) : random(seed) {
     scene = random_placed_scene(random, places);
     storage::Aabb box;
     box.grow(storage::Vec3f{-7, -7, -7});
     box.grow(storage::Vec3f{7, 7, 7});
-    rays = random_rays(random, box, kRays);
+    rays = random_rays(random, box, kInstanceRays);
     const std::vector<Ray> odd = hostile_rays();
     rays.insert(rays.end(), odd.begin(), odd.end());
   }
@@ -53,7 +53,7 @@ void drop_normals(std::vector<Hit>& hits) {
 
 TEST(Instances, HitsAreThoseOfEachObjectWithTheRayInItsSpace) {
   for (const Mode mode : {Mode::watertight, Mode::fast, Mode::exact}) {
-    Fixture f(11);
+    InstanceFixture f(11);
     if (mode == Mode::exact) {
       f.scene.places.pop_back();  // at equal t exact decides between the instances, not between their ids
     }
@@ -66,13 +66,13 @@ TEST(Instances, HitsAreThoseOfEachObjectWithTheRayInItsSpace) {
     expect_same(found, expected, f.rays, "mode " + std::string(to_string(mode)));
     const auto in_objects =
         std::count_if(found.begin(), found.end(), [](const Hit& hit) { return hit.instance_id != kNoId; });
-    EXPECT_GT(in_objects, std::ptrdiff_t(kRays / 10));
+    EXPECT_GT(in_objects, std::ptrdiff_t(kInstanceRays / 10));
   }
 }
 
 // The bound of storage/FORMAT.md: corners and rays that differ by a rounding. Rays that graze are left out.
 TEST(Instances, HitsAreThoseOfTheFlattenedSceneWithinRounding) {
-  Fixture f(12);
+  InstanceFixture f(12);
   const std::vector<Hit> placed = trace(build_placed(f.folder, "placed.mill", f.scene), f.rays).hits;
   const std::vector<Hit> flat = trace(build_store(f.folder, "flat.mill", flattened(f.scene)), f.rays).hits;
   std::size_t same = 0, hits = 0;
@@ -108,7 +108,7 @@ std::vector<Hit> comparable(std::vector<Hit> hits, Query query) {
 
 TEST(Instances, EveryScheduleOfPagesGivesTheSameBits) {
   for (const unsigned width : {4U, 8U}) {
-    Fixture f(13, 150);
+    InstanceFixture f(13, 150);
     BuildConfig config = small_pages();
     config.width = width;
     const LoadedPages pages = load_pages(build_placed(f.folder, "placed.mill", f.scene, config));
@@ -137,7 +137,7 @@ TEST(Instances, EveryScheduleOfPagesGivesTheSameBits) {
 }
 
 TEST(Instances, EveryConfigurationGivesTheSameBytes) {
-  Fixture f(14, 120);
+  InstanceFixture f(14, 120);
   std::string first;
   for (int i = 0; i < 8; ++i) {
     BuildConfig build = small_pages();
@@ -162,7 +162,7 @@ TEST(Instances, EveryConfigurationGivesTheSameBytes) {
 }
 
 TEST(Instances, QueriesAgree) {
-  Fixture f(15);
+  InstanceFixture f(15);
   const std::string path = build_placed(f.folder, "placed.mill", f.scene);
   const std::vector<Hit> closest = trace(path, f.rays).hits;
   TraceSetup setup;
@@ -237,7 +237,7 @@ TEST(Instances, AnObjectFarFromTheOriginKeepsItsShape) {
 }
 
 TEST(Instances, TheExpandedLayoutIsRefusedAndTheOthersAreTaken) {
-  Fixture f(16, 3);
+  InstanceFixture f(16, 3);
   const std::string path = build_placed(f.folder, "placed.mill", f.scene);
   TraceSetup setup;
   setup.engine.layout = "expanded";

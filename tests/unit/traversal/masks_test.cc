@@ -21,15 +21,15 @@ namespace {
 using namespace storage;
 using traversal::Isa;
 
-constexpr std::size_t kRays = kSanitized ? 300 : 1500;
+constexpr std::size_t kMaskedRays = kSanitized ? 300 : 1500;
 
-struct Fixture {
-  explicit Fixture(std::uint64_t seed, std::size_t triangles = 400) : random(seed) {
+struct MaskFixture {
+  explicit MaskFixture(std::uint64_t seed, std::size_t triangles = 400) : random(seed) {
     scene = random_masked_scene(random, triangles);
     Aabb box;
     box.grow(Vec3f{-1, -1, -1});
     box.grow(Vec3f{1, 1, 1});
-    rays = random_rays(random, box, kRays);
+    rays = random_rays(random, box, kMaskedRays);
   }
   [[nodiscard]] std::string store(unsigned width, const std::string& codec = "zstd") const {
     BuildConfig config = small_pages();
@@ -56,7 +56,7 @@ std::vector<std::tuple<std::uint32_t, float, std::uint32_t, std::uint32_t>> in_o
 }
 
 TEST(MasksTest, HitsAreThoseOfTheTexturesThemselves) {
-  const Fixture f(1);
+  const MaskFixture f(1);
   const LoadedPages pages = load_pages(f.store(8));
   std::size_t texels = 0;
   for (const Mode mode : {Mode::watertight, Mode::exact, Mode::fast}) {
@@ -78,7 +78,7 @@ TEST(MasksTest, HitsAreThoseOfTheTexturesThemselves) {
 }
 
 TEST(MasksTest, EveryScheduleGivesTheSame) {
-  const Fixture f(2);
+  const MaskFixture f(2);
   for (const unsigned width : {4U, 8U}) {
     const LoadedPages pages = load_pages(f.store(width));
     for (const Query query : {Query::closest, Query::any, Query::all}) {
@@ -104,7 +104,7 @@ TEST(MasksTest, EveryScheduleGivesTheSame) {
 }
 
 TEST(MasksTest, EveryBudgetAndQueryGivesTheSame) {
-  const Fixture f(3, 4000);
+  const MaskFixture f(3, 4000);
   const std::string path = f.store(8);
   const Traced plenty = trace(path, f.rays);
   ASSERT_TRUE(plenty.status.ok()) << plenty.status.message();
@@ -134,7 +134,7 @@ TEST(MasksTest, EveryBudgetAndQueryGivesTheSame) {
 }
 
 TEST(MasksTest, EveryCodecGivesThePagesBack) {
-  const Fixture f(4);
+  const MaskFixture f(4);
   std::size_t masked = 0, tiles = 0;
   const LoadedPages pages = load_pages(f.store(8));
   for (const PageBuffer& image : pages.images) {
@@ -161,7 +161,7 @@ TEST(MasksTest, EveryCodecGivesThePagesBack) {
 }
 
 TEST(MasksTest, EachRuleHasItsRefusal) {
-  const Fixture f(5);
+  const MaskFixture f(5);
   const LoadedPages pages = load_pages(f.store(8));
   const auto image = std::find_if(pages.images.begin(), pages.images.end(), [](const PageBuffer& page) {
     return MaskSectionView::has_masks(page.data()) && MaskSectionView(page.data()).section().alpha_count > 0;

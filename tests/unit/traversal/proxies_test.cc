@@ -20,7 +20,7 @@ namespace {
 using storage::ExternalKind;
 using storage::PageView;
 
-constexpr std::size_t kRays = kSanitized ? 500 : 3000;
+constexpr std::size_t kProxyRays = kSanitized ? 500 : 3000;
 
 BuildConfig with_proxies(unsigned width = 8) {
   BuildConfig config = small_pages();
@@ -36,7 +36,7 @@ struct Proxied {
     storage::Aabb box;
     box.grow(storage::Vec3f{-1, -1, -0.5F});
     box.grow(storage::Vec3f{1, 1, 0.5F});
-    rays = random_rays(random, box, kRays);
+    rays = random_rays(random, box, kProxyRays);
     const std::vector<Ray> odd = hostile_rays();
     rays.insert(rays.end(), odd.begin(), odd.end());
   }
@@ -69,7 +69,7 @@ TEST(Proxies, EveryScheduleIsaAndOrderGivesTheSameHits) {
       for (const Mode mode : {Mode::watertight, Mode::fast}) {
         KernelRun run{.query = query, .mode = mode, .batch_rays = 64, .footprint = {0.2, 0.01}};
         const KernelHits first = run_kernel(pages, f.rays, run);
-        EXPECT_GT(first.counters.proxies_taken, kRays / 20);
+        EXPECT_GT(first.counters.proxies_taken, kProxyRays / 20);
         for (const traversal::Isa isa : traversal::runnable_isas()) {
           for (const Residency residency : {Residency::all, Residency::one_page, Residency::random}) {
             run.isa = isa;
@@ -99,12 +99,12 @@ TEST(Proxies, WithoutAToleranceTheStoreAnswersAsOneWithoutThem) {
 }
 
 // The ray's way through a box: slab.h, in float64.
-struct Way {
+struct BoxWay {
   double entry = -std::numeric_limits<double>::infinity(), exit = std::numeric_limits<double>::infinity();
 };
 
 template <int N>
-void add_ways(const PageView& view, const Ray& ray, std::vector<Way>& ways) {
+void add_ways(const PageView& view, const Ray& ray, std::vector<BoxWay>& ways) {
   const std::uint32_t count = std::uint32_t(view.header().node_count) + view.header().ghost_count;
   for (std::uint32_t i = 0; i < count; ++i) {
     const storage::Node<N>& node = view.nodes<N>()[i];
@@ -112,7 +112,7 @@ void add_ways(const PageView& view, const Ray& ray, std::vector<Way>& ways) {
       if ((node.external >> slot & 1) == 0 || view.externals()[node.child[slot]].kind != ExternalKind::proxied) {
         continue;
       }
-      Way way;
+      BoxWay way;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         if (ray.dir[axis] == 0) {
           continue;  // inside the slab or not: no end of a way
@@ -139,7 +139,7 @@ TEST(Proxies, AHitLiesInTheMiddleOfAWayThroughABoxThatIsShortEnough) {
   const LoadedPages pages = load_pages(build_store(f.folder, "s", f.scene, with_proxies()));
   const KernelRun run{.batch_rays = 64, .footprint = {kTolerance, 0}};
   const std::vector<Hit> hits = run_kernel(pages, f.rays, run).hits;
-  ASSERT_GT(proxy_hits(hits), kRays / 50);
+  ASSERT_GT(proxy_hits(hits), kProxyRays / 50);
   for (std::size_t i = 0; i < f.rays.size(); ++i) {
     if (hits[i].u != kProxyBarycentric) {
       continue;
@@ -148,12 +148,12 @@ TEST(Proxies, AHitLiesInTheMiddleOfAWayThroughABoxThatIsShortEnough) {
     EXPECT_LT(hits[i].geometry_id, 2U);
     EXPECT_NE(hits[i].primitive_id, kNoId);
     EXPECT_GT(hits[i].t, ray.tnear);
-    std::vector<Way> ways;
+    std::vector<BoxWay> ways;
     for (const auto& image : pages.images) {
       add_ways<8>(PageView(image.data()), ray, ways);
     }
     const double length = std::hypot(ray.dir[0], ray.dir[1], ray.dir[2]);
-    EXPECT_TRUE(std::any_of(ways.begin(), ways.end(), [&](const Way& way) {
+    EXPECT_TRUE(std::any_of(ways.begin(), ways.end(), [&](const BoxWay& way) {
       return std::fabs((way.entry + way.exit) / 2 - hits[i].t) <= 1e-5 * (1 + std::fabs(hits[i].t)) &&
              (way.exit - way.entry) / 2 * length <= kTolerance && way.entry > ray.tnear;
     })) << text_of(ray);
@@ -166,7 +166,7 @@ TEST(Proxies, OnASheetSeenFromAboveHitsAreRightWithinTheTolerance) {
   const TempFolder folder;
   const std::string store = build_store(folder, "sheet", {grid(120, 0.05F)}, with_proxies());
   std::vector<Ray> rays;
-  for (std::size_t i = 0; i < kRays; ++i) {
+  for (std::size_t i = 0; i < kProxyRays; ++i) {
     rays.push_back(ray({random.uniform(-0.2F, 1.2F), random.uniform(-0.2F, 1.2F), 3}, {0.02F, 0.01F, -2}));
   }
   TraceSetup setup;
@@ -175,8 +175,8 @@ TEST(Proxies, OnASheetSeenFromAboveHitsAreRightWithinTheTolerance) {
   setup.trace.mode = Mode::watertight;
   setup.trace.tolerance = 0.1;
   const Traced found = trace(store, rays, setup);
-  EXPECT_GT(proxy_hits(found.hits), kRays / 3);
-  EXPECT_GT(found.stats.proxies_taken, kRays / 3);
+  EXPECT_GT(proxy_hits(found.hits), kProxyRays / 3);
+  EXPECT_GT(found.stats.proxies_taken, kProxyRays / 3);
   std::size_t wrong = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const bool should_hit = std::isfinite(truth[i].t), hits = std::isfinite(found.hits[i].t);
@@ -185,7 +185,7 @@ TEST(Proxies, OnASheetSeenFromAboveHitsAreRightWithinTheTolerance) {
       EXPECT_LE(std::fabs(found.hits[i].t - truth[i].t) * 2, 0.1F);  // dir is two long
     }
   }
-  EXPECT_LE(wrong, kRays / 50);
+  EXPECT_LE(wrong, kProxyRays / 50);
 }
 
 TEST(Proxies, ARayThatBeginsInABoxMeetsWhatIsThere) {

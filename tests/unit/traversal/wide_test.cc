@@ -16,12 +16,12 @@ using tests::TempFolder;
 using tests::Traced;
 using Place = std::array<double, 3>;
 
-// Ten thousand kilometres apart, and the middle; multiples of kGrid, as all coordinates are.
+// Ten thousand kilometres apart, and the middle; multiples of kWideGrid, as all coordinates are.
 constexpr std::array<Place, 3> kPlaces = {
     {{-5000000.71875, 1234.0625, 3.03125}, {0.34375, -0.125, 0.5}, {5000000.40625, -77.96875, -4999999.84375}}};
-constexpr double kGrid = 0x1p-20;
+constexpr double kWideGrid = 0x1p-20;
 
-struct Way {
+struct WideWay {
   std::string isa = {};
   Mode mode = Mode::watertight;
   Query query = Query::closest;
@@ -36,7 +36,7 @@ class WideTest : public testing::Test {
     scene_ = tests::snapped({tests::soup(random, 700, 0.2F), tests::sphere({}, 0.8F, 10, 16)}, -20);
     for (Ray& ray : rays_ = tests::mixed_rays(random, scene_, 1000)) {
       for (float& x : ray.org) {
-        x = static_cast<float>(std::nearbyint(x / kGrid) * kGrid);
+        x = static_cast<float>(std::nearbyint(x / kWideGrid) * kWideGrid);
       }
     }
     // So near that they begin in the boxes, which have room for what float32 leaves of org: t is the triangle's alone.
@@ -93,7 +93,7 @@ class WideTest : public testing::Test {
   }
 
   template <typename Push>
-  static Traced trace(const std::string& path, const Way& way, bool float64, const Push& push) {
+  static Traced trace(const std::string& path, const WideWay& way, bool float64, const Push& push) {
     EngineConfig config;
     config.memory = gibibytes(1);
     config.isa = way.isa;
@@ -133,7 +133,7 @@ void expect_as_near(std::vector<Hit> near, const std::vector<Hit>& far, std::siz
 TEST_F(WideTest, EachPlaceAnswersAsTheObjectAboutZero) {
   const std::string near = write("near.mill", "auto", 8, false);
   const std::string wide = write("wide.mill", "always", 8, true), narrow = write("narrow.mill", "always", 4, true);
-  std::vector<Way> ways{{.adversarial = true}, {.threads = 3}};
+  std::vector<WideWay> ways{{.adversarial = true}, {.threads = 3}};
   for (const std::string& isa : available_isas()) {
     ways.push_back({.isa = isa});
   }
@@ -142,7 +142,7 @@ TEST_F(WideTest, EachPlaceAnswersAsTheObjectAboutZero) {
     EXPECT_GT(expected.stats.hits, 200u);
     for (std::size_t place = 0; place < kPlaces.size(); ++place) {
       const auto push = [&](Job& job) { return job.push64(at(kPlaces[place])); };
-      for (Way way : ways) {
+      for (WideWay way : ways) {
         way.mode = mode;
         expect_as_near(expected.hits, trace(wide, way, true, push).hits, place);
       }

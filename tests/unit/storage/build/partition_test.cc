@@ -136,12 +136,12 @@ void expect_same(const Cut& a, const Cut& b) {
   EXPECT_EQ(a.max_displacement, b.max_displacement);
 }
 
-struct Case {
+struct PartitionCase {
   const char* name;
   std::function<Scene()> make;
 };
 
-std::vector<Case> cases() {
+std::vector<PartitionCase> partition_cases() {
   const auto with = [](auto&& make) {
     return [make] {
       Random random(1);
@@ -187,11 +187,11 @@ std::vector<Case> cases() {
 }
 
 class PartitionOf : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Scenes, PartitionOf, testing::Range(std::size_t{0}, cases().size()),
-                         [](const auto& scene) { return cases()[scene.param].name; });
+INSTANTIATE_TEST_SUITE_P(Scenes, PartitionOf, testing::Range(std::size_t{0}, partition_cases().size()),
+                         [](const auto& scene) { return partition_cases()[scene.param].name; });
 
 TEST_P(PartitionOf, PutsEveryTriangleIntoOneRunWithinTheLimit) {
-  const std::vector<Triangle> triangles = tests::triangles_of(cases()[GetParam()].make());
+  const std::vector<Triangle> triangles = tests::triangles_of(partition_cases()[GetParam()].make());
   for (const std::uint64_t run_triangles : {16u, 64u, 500u, 1u << 18}) {
     SCOPED_TRACE("runs of " + std::to_string(run_triangles));
     check(cut(triangles, {.run_triangles = run_triangles}), triangles, run_triangles);
@@ -199,7 +199,7 @@ TEST_P(PartitionOf, PutsEveryTriangleIntoOneRunWithinTheLimit) {
 }
 
 TEST_P(PartitionOf, IsTheSameForAnyNumberOfOpenBucketsAnyThreadsAndAnyMemory) {
-  const std::vector<Triangle> triangles = tests::triangles_of(cases()[GetParam()].make());
+  const std::vector<Triangle> triangles = tests::triangles_of(partition_cases()[GetParam()].make());
   for (const std::string positions : {"float32", "lattice:8b"}) {
     const Cut first = cut(triangles, {.positions = positions});
     for (const std::uint32_t most_open_buckets : {2u, 3u, 7u, 4096u}) {
@@ -222,7 +222,7 @@ TEST_P(PartitionOf, IsTheSameForAnyNumberOfOpenBucketsAnyThreadsAndAnyMemory) {
 }
 
 TEST_P(PartitionOf, DropsAndCountsOnceWhatTheLatticeMakesDegenerate) {
-  const std::vector<Triangle> triangles = tests::triangles_of(cases()[GetParam()].make());
+  const std::vector<Triangle> triangles = tests::triangles_of(partition_cases()[GetParam()].make());
   for (const std::string positions : {"lattice:4b", "lattice:10b"}) {
     std::vector<Triangle> expected = triangles;
     const auto snapped = snap_to_lattice(*parse_positions(positions), expected);

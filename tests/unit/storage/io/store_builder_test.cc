@@ -16,12 +16,12 @@ using tests::Random;
 using tests::Scene;
 using tests::TempFolder;
 
-struct Case {
+struct RunCase {
   const char* name;
   std::function<Scene()> make;
 };
 
-std::vector<Case> cases() {
+std::vector<RunCase> run_cases() {
   return {
       {"soups",
        [] {
@@ -72,11 +72,11 @@ class RunsOf : public testing::TestWithParam<std::size_t> {
     config.output = folder_ / name;
     return config;
   }
-  const Scene scene_ = cases()[GetParam()].make();
+  const Scene scene_ = run_cases()[GetParam()].make();
   TempFolder folder_;
 };
-INSTANTIATE_TEST_SUITE_P(Scenes, RunsOf, testing::Range(std::size_t{0}, cases().size()),
-                         [](const auto& scene) { return cases()[scene.param].name; });
+INSTANTIATE_TEST_SUITE_P(Scenes, RunsOf, testing::Range(std::size_t{0}, run_cases().size()),
+                         [](const auto& scene) { return run_cases()[scene.param].name; });
 
 TEST_P(RunsOf, VerifyInEveryLayout) {
   for (const unsigned width : {4u, 8u}) {

@@ -26,7 +26,7 @@ constexpr int kStep = -12;
 constexpr PositionKind kLattice{true, kStep};
 constexpr Codec kCodecs[] = {Codec::raw, Codec::lz4, Codec::zstd, Codec::draco};
 
-struct Case {
+struct CodecCase {
   const char* name;
   std::function<Scene()> make;
 };
@@ -45,7 +45,7 @@ tests::Mesh non_manifold() {
   return mesh;
 }
 
-std::vector<Case> cases() {
+std::vector<CodecCase> codec_cases() {
   return {
       {"grid", [] { return Scene{tests::grid(40, 0.2F)}; }},
       {"soup_of_many_geometries",
@@ -78,7 +78,7 @@ std::vector<Case> cases() {
 class Codecs : public testing::TestWithParam<std::size_t> {};
 
 TEST_P(Codecs, GiveTheImageBackBitForBit) {
-  const Case scene_case = cases()[GetParam()];
+  const CodecCase scene_case = codec_cases()[GetParam()];
   for (const unsigned width : {4u, 8u}) {
     for (const bool lattice : {false, true}) {
       const PositionKind kind = lattice ? kLattice : PositionKind{};
@@ -109,7 +109,7 @@ TEST_P(Codecs, GiveTheImageBackBitForBit) {
 // Cut short, or with a byte changed: refused, or an image that passed validation. Never a crash, which the sanitizers
 // would see.
 TEST_P(Codecs, RefuseDamagedBytesOrGiveAValidImage) {
-  const Scene scene = tests::snapped(cases()[GetParam()].make(), kStep);
+  const Scene scene = tests::snapped(codec_cases()[GetParam()].make(), kStep);
   Random random(9);
   for (const unsigned width : {4u, 8u}) {
     const Pages pages = tests::build_pages(scene, width);
@@ -138,8 +138,8 @@ TEST_P(Codecs, RefuseDamagedBytesOrGiveAValidImage) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, Codecs, testing::Range(std::size_t{0}, cases().size()),
-                         [](const auto& param) { return std::string(cases()[param.param].name); });
+INSTANTIATE_TEST_SUITE_P(Scenes, Codecs, testing::Range(std::size_t{0}, codec_cases().size()),
+                         [](const auto& param) { return std::string(codec_cases()[param.param].name); });
 
 TEST(Codec, NamesAreParsedBack) {
   for (const Codec codec : kCodecs) {
