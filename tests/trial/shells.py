@@ -5,7 +5,7 @@
 Stores of 1, 10, 100 and 1000 shells about one point: a closed surface of 320 triangles, larger by one for each. A ray
 from there meets every shell once, the k-th at k times the t of the first, whatever triangle it meets: so the lists are
 known without a tracer. They are read piece by piece, as they may be larger than memory (100k rays through 1000 shells:
-100 M hits, 1.6 GB, in 64 MiB). Prints processor time a hit and peaks.
+100 M hits, 800 MB, in 64 MiB). Prints processor time a hit and peaks.
 """
 
 import json
