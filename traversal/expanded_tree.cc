@@ -121,8 +121,8 @@ Status TreeExpander::add_nodes(storage::PageId page, PageView view) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const float scale = storage::power_of_two(node.exponent[axis]);
       for (unsigned slot = 0; slot < N; ++slot) {
-        to.planes[0][axis][slot] = storage::decode_plane(node.base[axis], scale, node.lower[axis][slot]);
-        to.planes[1][axis][slot] = storage::decode_plane(node.base[axis], scale, node.upper[axis][slot]);
+        to.planes[axis][0][slot] = storage::decode_plane(node.base[axis], scale, node.lower[axis][slot]);
+        to.planes[axis][1][slot] = storage::decode_plane(node.base[axis], scale, node.upper[axis][slot]);
       }
     }
     for (unsigned slot = 0; slot < N; ++slot) {

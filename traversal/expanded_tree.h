@@ -25,11 +25,11 @@
 
 namespace raymill::traversal {
 
-/// planes[0][axis] are the lower planes of the children's boxes, planes[1][axis] the upper ones, as decoded. Those of a
+/// planes[axis][0] are the lower planes of the children's boxes, planes[axis][1] the upper ones, as decoded. Those of a
 /// slot without a child are NaN, which no ray meets.
 template <int N>
 struct alignas(64) ExpandedNode {
-  std::array<std::array<std::array<float, N>, 3>, 2> planes;
+  std::array<std::array<std::array<float, N>, 2>, 3> planes;
   std::array<std::uint32_t, N> child;  ///< a node's index; a leaf's: the first word of its block
   std::array<std::uint8_t, N> count;   ///< triangles of a leaf; 0: a node
   std::uint8_t valid;

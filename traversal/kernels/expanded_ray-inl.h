@@ -22,20 +22,18 @@ namespace raymill::traversal::RAYMILL_ISA {
 template <int N, Mode kMode>
 [[gnu::always_inline]] inline unsigned test_planes(const ExpandedNode<N>& node, const RayFrame& ray, float tnear,
                                                    float tfar, std::array<float, N>& entries) {
-  auto near = Floats<N>::broadcast(begin_of<kMode>(tnear));
-  auto far = Floats<N>::broadcast(std::numeric_limits<float>::infinity());
+  auto interval = NearFar<N>::broadcast(begin_of<kMode>(tnear), std::numeric_limits<float>::infinity());
   for (int axis = 0; axis < 3; ++axis) {
-    const unsigned negative = ray.octant >> axis & 1;
-    const auto org = Floats<N>::broadcast(ray.org[axis]), rdir = Floats<N>::broadcast(ray.rdir[axis]);
-    near = max_keep((Floats<N>::load(node.planes[negative][axis].data()) - org) * rdir, near);
-    far = min_keep((Floats<N>::load(node.planes[negative ^ 1][axis].data()) - org) * rdir, far);
+    const auto planes = NearFar<N>::load(node.planes[axis][0].data(), ray.octant >> axis & 1);
+    interval.tighten((planes - ray.org[axis]) * ray.rdir[axis]);
   }
-  far = far + abs(far) * Floats<N>::broadcast(kExitPad);
+  Floats<N> exit = interval.far();
+  exit = exit + abs(exit) * Floats<N>::broadcast(kExitPad);
   if constexpr (kMode == Mode::exact) {
-    far = far + Floats<N>::broadcast(kExactSlack);
+    exit = exit + Floats<N>::broadcast(kExactSlack);
   }
-  near.store(entries.data());
-  return less_equal(near, min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), far)) & node.valid;
+  interval.near().store(entries.data());
+  return less_equal(interval.near(), min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), exit)) & node.valid;
 }
 
 // A hit has a finite t.

@@ -179,9 +179,9 @@ class ExpandedPacket {
     for (int axis = 0; axis < 3; ++axis) {
       const unsigned negative = octant_ >> axis & 1;
       const auto least = Floats<N>::broadcast(least_rdir_[axis]), most = Floats<N>::broadcast(most_rdir_[axis]);
-      const auto to_near = Floats<N>::load(node.planes[negative][axis].data()) - Floats<N>::broadcast(near_org_[axis]);
+      const auto to_near = Floats<N>::load(node.planes[axis][negative].data()) - Floats<N>::broadcast(near_org_[axis]);
       const auto to_far =
-          Floats<N>::load(node.planes[negative ^ 1][axis].data()) - Floats<N>::broadcast(far_org_[axis]);
+          Floats<N>::load(node.planes[axis][negative ^ 1].data()) - Floats<N>::broadcast(far_org_[axis]);
       near = max_keep(min_keep(to_near * least, to_near * most), near);
       far = min_keep(max_keep(to_far * least, to_far * most), far);
     }
@@ -210,8 +210,8 @@ class ExpandedPacket {
     for (int axis = 0; axis < 3; ++axis) {
       const unsigned negative = octant_ >> axis & 1;
       const auto org = Float8::load(&org_[axis][first]), rdir = Float8::load(&rdir_[axis][first]);
-      near = max_keep((Float8::broadcast(node.planes[negative][axis][slot]) - org) * rdir, near);
-      far = min_keep((Float8::broadcast(node.planes[negative ^ 1][axis][slot]) - org) * rdir, far);
+      near = max_keep((Float8::broadcast(node.planes[axis][negative][slot]) - org) * rdir, near);
+      far = min_keep((Float8::broadcast(node.planes[axis][negative ^ 1][slot]) - org) * rdir, far);
     }
     far = far + abs(far) * Float8::broadcast(kExitPad);
     if constexpr (kMode == Mode::exact) {

@@ -10,6 +10,7 @@
 // fast: Moeller, Trumbore 1997, float32.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -43,9 +44,13 @@ inline RayFrame make_frame(const std::array<float, 3>& org, const std::array<flo
     frame.octant |= static_cast<unsigned>(std::signbit(dir[axis])) << axis;
   }
   const float ax = std::fabs(dir[0]), ay = std::fabs(dir[1]), az = std::fabs(dir[2]);
-  frame.kz = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
-  frame.kx = frame.kz == 2 ? 0 : frame.kz + 1;
-  frame.ky = frame.kx == 2 ? 0 : frame.kx + 1;
+  // Without a branch, for directions of rays cannot be foretold.
+  const int y_is_larger = static_cast<int>(!(ax > ay));
+  const std::array<int, 2> larger{2, y_is_larger};
+  frame.kz = larger[std::max(ax, ay) > az ? 1 : 0];
+  constexpr std::array<int, 4> kNext{1, 2, 0, 1};
+  frame.kx = kNext[frame.kz];
+  frame.ky = kNext[frame.kz + 1];
   frame.sx = dir[frame.kx] / dir[frame.kz];
   frame.sy = dir[frame.ky] / dir[frame.kz];
   return frame;

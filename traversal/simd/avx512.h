@@ -39,6 +39,11 @@ struct NearFar<8> {
     const __m512i which = _mm512_load_si512(kPlaneBytes.byte[axis][negative ? 1 : 0]);
     return {_mm512_cvtepi32_ps(_mm512_maskz_permutexvar_epi8(0x1111111111111111U, which, planes))};
   }
+  static NearFar load(const float* planes, unsigned negative) {
+    const __m512 lower_upper = _mm512_load_ps(planes);
+    const auto turned = static_cast<__mmask16>(0 - negative);
+    return {_mm512_mask_shuffle_f32x4(lower_upper, turned, lower_upper, lower_upper, _MM_SHUFFLE(1, 0, 3, 2))};
+  }
   [[nodiscard]] Floats<8> near() const { return {_mm512_castps512_ps256(lanes)}; }
   [[nodiscard]] Floats<8> far() const {
     return {_mm256_xor_ps(_mm512_extractf32x8_ps(lanes, 1), _mm256_set1_ps(-0.0F))};

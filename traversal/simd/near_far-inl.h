@@ -18,6 +18,10 @@ struct NearFar {
     return {Floats<N>::from_bytes((negative ? upper : lower)[axis].data()),
             Floats<N>::from_bytes((negative ? lower : upper)[axis].data())};
   }
+  /// N lower planes and then N upper ones; these are near where `negative` is 1.
+  static NearFar load(const float* planes, unsigned negative) {
+    return {Floats<N>::load(planes + N * negative), Floats<N>::load(planes + N * (negative ^ 1))};
+  }
   [[nodiscard]] Floats<N> near() const { return near_lanes; }
   [[nodiscard]] Floats<N> far() const { return far_lanes; }
   /// Later near planes and earlier far planes replace those here; NaN does not.
