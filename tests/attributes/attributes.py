@@ -9,7 +9,6 @@ that sparse accessors and EXT_meshopt_compression give the same; that stores wit
 files that are damaged or do not fit.
 """
 
-import json
 import pathlib
 import sys
 
@@ -22,7 +21,7 @@ from bad_attributes import try_bad_encodings, try_bad_files  # noqa: E402
 from gltf_triangles import Document, local_matrix, placed_nodes  # noqa: E402
 from made_scene import Scene, sheet  # noqa: E402
 from made_scene import make_scene as make_masks  # noqa: E402
-from support import Server, parser, run, scenes_folder, work_folder  # noqa: E402
+from support import Checks, Server, parser, run, scenes_folder, work_folder  # noqa: E402
 
 NAMES = {"shading_normal": ("normal", "NORMAL"), "uv0": ("uv0", "TEXCOORD_0"), "uv1": ("uv1", "TEXCOORD_1"),
          "color0": ("color0", "COLOR_0")}
@@ -153,27 +152,7 @@ def make_scene(folder):
     return scene.write()
 
 
-class Trial:
-    def __init__(self, options, folder):
-        self.options, self.folder, self.failures = options, folder, []
-
-    def check(self, what, holds):
-        if not holds or not self.options.short:
-            print(("  ok    " if holds else "  WRONG ") + what, flush=True)
-        if not holds:
-            self.failures.append(what)
-
-    def build(self, scene, name, *words):
-        store = self.folder / name
-        report = json.loads(run(self.options.raymill, "build", scene, "-o", store, "--json", *words).stdout)
-        run(self.options.raymill, "verify", store)
-        return store, report, json.loads(run(self.options.raymill, "info", store, "--json").stdout)
-
-    def trace(self, store, rays, *words):
-        out, stats = self.folder / "out.npy", self.folder / "stats.json"
-        run(self.options.raymill, "trace", store, rays, "-o", out, "--stats", stats, *words)
-        return np.load(out), json.loads(stats.read_text())
-
+class Trial(Checks):
     def scene(self, name, path, count, readable=True, rules=()):
         """`rules`: what else builds are asked for."""
         asked = ["normal", "uv0", "uv1", "color0"] if name in ("made", "masked", "helicopter") else ["normal", "uv0"]
@@ -319,7 +298,7 @@ class Trial:
 def main():
     options = parser(__doc__).parse_args()
     with work_folder(options) as folder:
-        trial = Trial(options, pathlib.Path(folder))
+        trial = Trial(options, folder)
         made, count = make_scene(trial.folder), 4000 if options.short else 200_000
         trial.encoded(made, *trial.scene("made", made, count))
         trial.scene("masked", make_masks(trial.folder, 1, 8 if options.short else 24), count,
@@ -330,9 +309,8 @@ def main():
                 trial.scene(name, scenes / path, short_rays if options.short else 400_000, readable)
         try_bad_files(trial, make_scene(trial.folder))
         try_bad_encodings(trial, make_scene(trial.folder))
-    if trial.failures:
-        sys.exit(f"{len(trial.failures)} checks failed: " + "; ".join(trial.failures))
+    return trial.ended("attributes")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -9,7 +9,6 @@ tests look a texel up; parts with origins of their own; and pictures that are mi
 """
 
 import argparse
-import json
 import os
 import pathlib
 import subprocess
@@ -23,7 +22,7 @@ import bad_textures  # noqa: E402
 import parts  # noqa: E402
 from gltf_triangles import read_scene, write_scene  # noqa: E402
 from made_scene import make_scene  # noqa: E402
-from support import Table, run, scenes_folder  # noqa: E402
+from support import Checks, Table, run, scenes_folder  # noqa: E402
 
 ANSWER = np.dtype([("t", "<f8"), ("geometry_id", "<u4"), ("primitive_id", "<u4")])
 SCENES = {"torque_forest": "torque_forest.glb", "banana_tree": "scene.gltf",
@@ -56,29 +55,12 @@ def make_rays(triangles, count, seed, step=0):
     return rays
 
 
-class Trial:
+class Trial(Checks):
     def __init__(self, options, folder):
-        self.options, self.folder, self.failures = options, folder, []
+        super().__init__(options, folder)
         self.rays = 4000 if options.short else 1_000_000
         self.table = Table(scene=24, rays=9, triangles=10, masked=10, cut=9, wrong=7, ties=6, Mrays=7, opaque=7,
                            texels=9, B_tri=7)
-
-    def check(self, what, holds):
-        if not holds or not self.options.short:
-            print(("  ok    " if holds else "  WRONG ") + what, flush=True)
-        if not holds:
-            self.failures.append(what)
-
-    def build(self, scene, name, *words):
-        store = self.folder / name
-        report = json.loads(run(self.options.raymill, "build", scene, "-o", store, "--json", *words).stdout)
-        run(self.options.raymill, "verify", store)
-        return store, report, json.loads(run(self.options.raymill, "info", store, "--json").stdout)
-
-    def trace(self, store, rays, *words):
-        out, stats = self.folder / "out.npy", self.folder / "stats.json"
-        run(self.options.raymill, "trace", store, rays, "-o", out, "--stats", stats, *words)
-        return np.load(out), json.loads(stats.read_text())
 
     def reference(self, name, scene, count, step=0, **rules):
         """(rays' path, the reference's answers)"""
@@ -209,7 +191,7 @@ def main():
     options = parser.parse_args()
     scenes = scenes_folder()
     with tempfile.TemporaryDirectory(prefix="raymill-masks-", dir=os.environ.get("TMPDIR")) as folder:
-        trial = Trial(options, pathlib.Path(folder))
+        trial = Trial(options, folder)
         if options.only in (None, "bad"):
             trial.bad()
         if options.only in (None, "made"):
@@ -219,8 +201,7 @@ def main():
         for name, file in SCENES.items() if scenes else ():
             if options.only in (None, name) and not (options.short and name == "torque_forest"):
                 trial.scene(name, scenes / name / file)
-    print("\n".join(trial.failures) or "all as it must be")
-    return 1 if trial.failures else 0
+    return trial.ended("masks")
 
 
 if __name__ == "__main__":

@@ -225,6 +225,38 @@ def run_bench(make, options, name):
     return ended(bench.problems, name)
 
 
+class Checks:
+    """Stores that are built and traced, and what is said of them. Each check is told as it is made; in a short form only
+    those that fail."""
+
+    def __init__(self, options, folder):
+        self.options, self.folder, self.failures = options, pathlib.Path(folder), []
+
+    def check(self, what, holds):
+        if not holds or not getattr(self.options, "short", False):
+            print(("  ok    " if holds else "  WRONG ") + what, flush=True)
+        if not holds:
+            self.failures.append(what)
+
+    def build(self, scene, name, *words):
+        """(store, what `build` says, what `info` says)"""
+        store = self.folder / name
+        report = run_json(self.options.raymill, "build", scene, "-o", store, "--json", *words)
+        run(self.options.raymill, "verify", store)
+        return store, report, run_json(self.options.raymill, "info", store, "--json")
+
+    def trace(self, store, rays, *words):
+        """(rows, stats)"""
+        import numpy  # here, for not every trial needs it
+        out, stats = self.folder / "out.npy", self.folder / "stats.json"
+        run(self.options.raymill, "trace", store, rays, "-o", out, "--stats", stats, *words)
+        return numpy.load(out), json.loads(stats.read_text())
+
+    def ended(self, what):
+        """Prints the last line; returns the exit code."""
+        return ended(self.failures, what)
+
+
 def ended(problems, what):
     """Prints the trial's last line; returns its exit code."""
     for problem in problems:

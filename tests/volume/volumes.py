@@ -9,7 +9,6 @@ fog, in voxels. --plot: error of transmittance by samples.
 """
 
 import argparse
-import json
 import os
 import pathlib
 import sys
@@ -18,7 +17,7 @@ import tempfile
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "trial"))
-from support import Server, run, scenes_folder  # noqa: E402
+from support import Checks, Server, run, scenes_folder  # noqa: E402
 
 BAD_INPUT = 42
 
@@ -45,27 +44,20 @@ def make_rays(info, count, seed):
     return rays
 
 
-class Trial:
+class Trial(Checks):
     def __init__(self, options, folder):
-        self.options, self.folder, self.failures = options, folder, []
+        super().__init__(options, folder)
         self.curves = []  # what, samples a voxel, rms error of transmittance
 
-    def check(self, what, holds):
-        print(("  ok    " if holds else "  WRONG ") + what, flush=True)
-        if not holds:
-            self.failures.append(what)
-
-    def build(self, vdb, name, *words):
-        store = self.folder / name
-        run(self.options.raymill, "build", vdb, "-o", store, *words)
-        run(self.options.raymill, "verify", store)
-        return store, json.loads(run(self.options.raymill, "info", store, "--json").stdout)
+    def build(self, scene, name, *words):
+        store, _, info = super().build(scene, name, *words)
+        return store, info
 
     def trace(self, store, rays, *words):
-        path, out, stats = (self.folder / name for name in ("rays.npy", "out.npy", "stats.json"))
+        """`rays`: an array."""
+        path = self.folder / "rays.npy"
         np.save(path, rays)
-        run(self.options.raymill, "trace", store, path, "-o", out, "--stats", stats, *words)
-        return np.load(out), json.loads(stats.read_text())
+        return super().trace(store, path, *words)
 
     def same_with_little_memory(self, store, info, rays, plenty, *words):
         # A share of the decoded store beside the least that a process needs with it.
@@ -238,7 +230,7 @@ def main():
     options = parser.parse_args()
     scenes = scenes_folder()
     with tempfile.TemporaryDirectory(prefix="raymill-volumes-", dir=os.environ.get("TMPDIR")) as folder:
-        trial = Trial(options, pathlib.Path(folder))
+        trial = Trial(options, folder)
         smoke = scenes / "vdb_smoke" / "smoke.vdb" if scenes else None
         trial.bad_files(smoke)
         trial.surface(trial.make("torus", 96), "torus.mill", options.rays)
@@ -255,8 +247,7 @@ def main():
         trial.fog(trial.make("fog", options.fog), "fog.mill", options.rays, 0.5)
     if options.plot:
         plot(options.plot, trial.curves)
-    print("\n".join(trial.failures) or "all as it must be")
-    return 1 if trial.failures else 0
+    return trial.ended("volumes")
 
 
 if __name__ == "__main__":
