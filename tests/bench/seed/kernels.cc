@@ -1,23 +1,27 @@
 #include "tests/bench/seed/kernels.h"
 
-#include <algorithm>
-
 #include "traversal/kernel.h"
 
 namespace raymill::bench {
 namespace {
 
-bool has_avx2() {
-  const auto isas = traversal::runnable_isas();
-  return std::find(isas.begin(), isas.end(), traversal::Isa::avx2) != isas.end();
-}
+traversal::Isa best_isa() { return traversal::runnable_isas().front(); }
 
 }  // namespace
 
-std::vector<Algorithm> algorithms() { return has_avx2() ? avx2::algorithms() : scalar::algorithms(); }
+std::vector<Algorithm> algorithms() {
+  switch (best_isa()) {
+    case traversal::Isa::avx512:
+      return avx512::algorithms();
+    case traversal::Isa::avx2:
+      return avx2::algorithms();
+    default:
+      return scalar::algorithms();
+  }
+}
 
 Algorithm brute_force() { return scalar::brute_force(); }
 
-std::string isa_of_algorithms() { return has_avx2() ? "avx2" : "scalar"; }
+std::string isa_of_algorithms() { return std::string(to_string(best_isa())); }
 
 }  // namespace raymill::bench

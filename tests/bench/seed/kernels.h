@@ -46,9 +46,12 @@ struct Algorithm {
 std::vector<Algorithm> algorithms();
 /// Every triangle of the scene, one after the other.
 Algorithm brute_force();
-/// Of algorithms(): "avx2" or "scalar".
+/// Of algorithms(): "avx512", "avx2" or "scalar".
 std::string isa_of_algorithms();
 
+namespace avx512 {
+std::vector<Algorithm> algorithms();
+}
 namespace avx2 {
 std::vector<Algorithm> algorithms();
 }

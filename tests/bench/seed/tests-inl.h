@@ -98,7 +98,7 @@ template <unsigned N>
       mask |= static_cast<unsigned>(box.is_hit) << slot;
     }
     return mask;
-  } else if constexpr (N == 16) {
+  } else if constexpr (N == 16 && !requires { sizeof(isa::Floats<N>); }) {
     return test_lanes<8, N>(node, ray, 0, entries) | test_lanes<8, N>(node, ray, 8, entries) << 8;
   } else {
     return test_lanes<N, N>(node, ray, 0, entries);
