@@ -53,6 +53,7 @@ class ExpandedBatch {
         rays_(rays),
         hits_(hits) {}
 
+  // Between a group's visit and its leaves, and between these and its next visit, stand steps of the other two.
   void run() {
     for (unsigned i = 0; i < kGroups * kGroupLanes; ++i) {
       take_ray(&lanes_[i], groups_[i % kGroups]);
@@ -85,7 +86,7 @@ class ExpandedBatch {
     unsigned visit_count = 0, leaf_count = 0, report_count = 0;
     std::array<RayLane*, kGroupLanes> visits, reports;
     std::array<std::uint8_t, kGroupLanes> leaves;
-    std::array<LeafTest, kGroupLanes * N + 2> leaf_tests;
+    std::array<LeafTest, kGroupLanes * N> leaf_tests;
   };
 
   void take_ray(RayLane* lane, Group& group) {
@@ -224,7 +225,7 @@ class ExpandedBatch {
   unsigned active_ = 0;
   std::uint64_t nodes_visited_ = 0, triangles_tested_ = 0;
   std::array<Group, kGroups> groups_;
-  std::array<Decision, kGroupLanes * N + 1> decisions_;
+  std::array<Decision, kGroupLanes * N + 1> decisions_;  // one more than leaves: it is written before it is needed
   std::array<RayLane, kGroups * kGroupLanes> lanes_;
 };
 
