@@ -12,13 +12,14 @@
 
 #include "traversal/expanded_tree.h"
 #include "traversal/kernel.h"
+#include "traversal/kernels/box_test-inl.h"
 #include "traversal/kernels/exact-inl.h"
 #include "traversal/kernels/slot_order-inl.h"
 #include "traversal/kernels/triangle-inl.h"
 
 namespace raymill::traversal::RAYMILL_ISA {
 
-// The same numbers as test_boxes (kernel-inl.h) from planes that are decoded; the last minimum keeps NaN, as there.
+// The same numbers as test_boxes (box_test-inl.h) from planes that are decoded.
 template <int N, Mode kMode>
 [[gnu::always_inline]] inline unsigned test_planes(const ExpandedNode<N>& node, const RayFrame& ray, float tnear,
                                                    float tfar, std::array<float, N>& entries) {
@@ -27,13 +28,7 @@ template <int N, Mode kMode>
     const auto planes = NearFar<N>::load(node.planes[axis][0].data(), ray.octant >> axis & 1);
     interval.tighten((planes - ray.org[axis]) * ray.rdir[axis]);
   }
-  Floats<N> exit = interval.far();
-  exit = exit + abs(exit) * Floats<N>::broadcast(kExitPad);
-  if constexpr (kMode == Mode::exact) {
-    exit = exit + Floats<N>::broadcast(kExactSlack);
-  }
-  interval.near().store(entries.data());
-  return less_equal(interval.near(), min_keep(Floats<N>::broadcast(end_of<kMode>(tfar)), exit)) & node.valid;
+  return meets_interval<N, kMode>(interval, tfar, entries) & node.valid;
 }
 
 // A hit has a finite t.
