@@ -130,16 +130,17 @@ def refusals():
     ]
 
 
-class Trial:
+class Trial(support.Checks):
     def __init__(self, options, folder):
-        self.options, self.folder, self.problems, self.checks = options, folder, [], 0
+        super().__init__(options, folder)
+        self.checks = 0
         self.sheet = sheet(np.random.default_rng(3), 6 if options.short else 20)
 
     def check(self, what, holds):
+        """Of hundreds only those that fail are told."""
         self.checks += 1
         if not holds:
-            print("WRONG " + what, flush=True)
-            self.problems.append(what)
+            super().check(what, holds)
 
     def scene(self, name):
         scene = Scene(self.folder, name)
@@ -187,16 +188,10 @@ class Trial:
                        not list(self.folder.glob("refused.mill*")))
 
     def build(self, path, rule):
-        store = self.folder / f"{path.stem}-{rule}.mill"
-        report = support.run_json(self.options.raymill, "build", path, "-o", store, "--instances", rule, "--json")
-        support.run(self.options.raymill, "verify", store)
-        return store, report, support.run_json(self.options.raymill, "info", store, "--json")
+        return super().build(path, f"{path.stem}-{rule}.mill", "--instances", rule)
 
     def trace(self, store, rays, *words):
-        out = self.folder / "hits.npy"
-        support.run(self.options.raymill, "trace", store, rays, "-o", out, "--fields", "t,uv,ids,instance_id,normal",
-                    *words)
-        return np.load(out)
+        return super().trace(store, rays, "--fields", "t,uv,ids,instance_id,normal", *words)[0]
 
     def aim(self, info, geometry_boxes):
         """Rays towards the middle of every triangle of every geometry, from three sides, as far away as it is large."""
@@ -320,13 +315,13 @@ def matrix_of(node):
 def main():
     options = support.parser(__doc__).parse_args()
     with support.work_folder(options) as folder:
-        trial = Trial(options, pathlib.Path(folder))
+        trial = Trial(options, folder)
         try:
             trial.refused()
             trial.accepted()
         except support.Failure as failure:
-            trial.problems.append(str(failure))
-    return support.ended(trial.problems, f"bad instances, {trial.checks} checks")
+            trial.failures.append(str(failure))
+    return trial.ended(f"bad instances, {trial.checks} checks")
 
 
 if __name__ == "__main__":
